@@ -1,0 +1,93 @@
+"""Drives of the concealed rig: the voltage that was logged in, the voltage that the motor acts on out.
+
+The stages compose in one fixed order: delay, saturation, dead zone, gain asymmetry and drift, drum radius,
+lag, gain.
+"""
+
+import math
+from collections.abc import Callable
+
+from effects import Effect, Layout, Vector
+from uncatalogued import DRIVE_STAGES
+
+SAMPLE = 5e-3
+"""Time between two samples, over which inputs are held [s]."""
+
+Stage = Callable[[float, float, Vector, Vector], float]
+"""(voltage, time, joint positions, both logged voltages) -> voltage."""
+
+
+def _saturation(e: Effect, at: Layout, dt: float) -> Stage:
+    return lambda u, t, q, both: min(max(u, -e["limit"]), e["limit"])
+
+
+def _dead_zone(e: Effect, at: Layout, dt: float) -> Stage:
+    return lambda u, t, q, both: u - min(max(u, -e["negative"]), e["positive"])
+
+
+def _gain_asymmetry(e: Effect, at: Layout, dt: float) -> Stage:
+    return lambda u, t, q, both: u * (1.0 + e["ratio"] if u > 0 else 1.0 - e["ratio"])
+
+
+def _gain_drift(e: Effect, at: Layout, dt: float) -> Stage:
+    return lambda u, t, q, both: u * (1.0 + e["rate"] * t)
+
+
+def _drum_radius_change(e: Effect, at: Layout, dt: float) -> Stage:
+    return lambda u, t, q, both: u * (1.0 + e["slope"] * (at.length(q) - e["length"]))
+
+
+def _actuator_lag(e: Effect, at: Layout, dt: float) -> Stage:
+    """First order, exact for a held input; the mean over the step is what acts, which keeps second order."""
+    share = 1.0 - math.exp(-dt / e["time_constant"])
+    state = [0.0]
+
+    def stage(u: float, t: float, q: Vector, both: Vector) -> float:
+        before = state[0]
+        state[0] = before + share * (u - before)
+        return 0.5 * (before + state[0])
+
+    return stage
+
+
+STAGES: dict[str, Callable[[Effect, Layout, float], Stage]] = {
+    "saturation": _saturation,
+    "dead_zone": _dead_zone,
+    "gain_asymmetry": _gain_asymmetry,
+    "gain_drift": _gain_drift,
+    "drum_radius_change": _drum_radius_change,
+    **DRIVE_STAGES,
+    "actuator_lag": _actuator_lag,
+}
+"""In the order in which they compose."""
+
+
+class Drive:
+    """One motor's chain from logged voltage to force.
+
+    Args:
+        gain: force per volt [N/V].
+        effects: the effects at this drive's site.
+        column: which of the two logged voltages drives it (0: u_x, 1: u_l).
+        dt: engine step [s].
+    """
+
+    def __init__(self, gain: float, effects: list[Effect], column: int, at: Layout, dt: float):
+        self.gain, self.column, self.dt = gain, column, dt
+        self.delay = sum(e["delay"] for e in effects if e["kind"] == "input_delay")
+        order = list(STAGES)
+        rest = sorted(
+            (e for e in effects if e["kind"] != "input_delay"), key=lambda e: order.index(e["kind"])
+        )
+        self.stages = [STAGES[e["kind"]](e, at, dt) for e in rest]
+
+    def force(self, step: int, t: float, q: Vector, log: list[Vector]) -> float:
+        """Force [N] over engine step number `step`, from the logged voltages up to now."""
+        if self.delay:
+            row = math.floor((step * self.dt - self.delay) / SAMPLE + 1e-6)
+            u = log[row][self.column] if row >= 0 else 0.0
+        else:
+            u = log[-1][self.column]
+        for stage in self.stages:
+            u = stage(u, t, q, log[-1])
+        return self.gain * u

@@ -1,0 +1,153 @@
+"""Does `jbridge diagnose` find what it was not told? Plays sealed cases, diagnoses, opens, scores.
+
+    python experiments/concealed/run.py --half dev                 everything, resuming what is finished
+    python experiments/concealed/run.py --half proof --jobs 2
+    python experiments/concealed/run.py --half dev --generate-only   only the recordings
+    python experiments/concealed/run.py --figures                    redraw from figures/data
+
+Per case, below OUT/CASE: `model.toml`, `recordings/`, `diagnosis/` with the tool's own files and `run.json`
+(exit status and seconds). A case is diagnosed once; `--again` forgets finished diagnoses. Rows go to
+figures/data/concealed-HALF.json.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from cases import HERE, MASTER
+from figures import draw
+from play import write
+from score import score
+from seal import SEALS, open_truths
+
+ROOT = HERE.parent.parent
+FIGURES = ROOT / "figures"
+
+
+def recordings(case: Path, role: str) -> list[Path]:
+    """A case's recordings of one role, "train" or "holdout"."""
+    return sorted((case / "recordings").glob(f"{role}-*.csv"))
+
+
+def diagnose(case: Path, timeout: float) -> str:
+    """Runs the tool on a case from the command line, as an owner would; returns a word on how it went."""
+    out = case / "diagnosis"
+    done = out / "run.json"
+    if done.exists():
+        return "kept"
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    command = [sys.executable, "-m", "jbridge", "diagnose", case / "model.toml", *recordings(case, "train")]
+    command += ["--holdout", *recordings(case, "holdout"), "--out", out]
+    start = time.monotonic()
+    with open(out / "log.txt", "w") as log:
+        try:
+            status = subprocess.run(command, cwd=ROOT, stdout=log, stderr=log, timeout=timeout).returncode
+        except subprocess.TimeoutExpired:
+            status = -1
+    seconds = time.monotonic() - start
+    done.write_text(json.dumps({"status": status, "seconds": round(seconds, 2)}) + "\n")
+    return f"{seconds:.0f} s" if status == 0 else f"failed with status {status}, see {out / 'log.txt'}"
+
+
+def mean_length(case: Path) -> float | None:
+    """Mean rope length of the training recordings [m], None without an `l` column."""
+    paths = recordings(case, "train")
+    names = paths[0].open().readline().strip().split(",")
+    if "l" not in names:
+        return None
+    columns = [np.loadtxt(p, delimiter=",", skiprows=1, usecols=names.index("l")) for p in paths]
+    return float(np.mean(np.concatenate(columns)))
+
+
+def row_of(truth: dict, case: Path) -> dict | None:
+    """The score of a diagnosed case, None where it has not run."""
+    done = case / "diagnosis" / "run.json"
+    if not done.exists():
+        return None
+    run = json.loads(done.read_text())
+    report = case / "diagnosis" / "report.json"
+    content = json.loads(report.read_text()) if run["status"] == 0 and report.exists() else None
+    return score(truth, content, mean_length(case)) | {"wall": run["seconds"], "status": run["status"]}
+
+
+def commit() -> str:
+    """The code's version, with a mark where files differ from it."""
+    git = ["git", "-C", str(ROOT)]
+    head = subprocess.run(
+        [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True
+    ).stdout.strip()
+    changed = subprocess.run(
+        [*git, "status", "--porcelain", "src", "jbridge"], capture_output=True, text=True
+    ).stdout
+    return head + ("+changes" if changed.strip() else "")
+
+
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--half", choices=sorted(MASTER), help="which half of the cases")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go"
+    )
+    parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
+    parser.add_argument("--limit", type=int, help="only the first so many")
+    parser.add_argument("--jobs", type=int, default=1, help="diagnoses at a time")
+    parser.add_argument(
+        "--timeout", type=float, default=1800.0, help="seconds after which a diagnosis counts as failed"
+    )
+    parser.add_argument("--generate-only", action="store_true", help="write the recordings and stop")
+    parser.add_argument("--again", action="store_true", help="forget finished diagnoses of the chosen cases")
+    parser.add_argument(
+        "--figures", action="store_true", help="redraw table and picture from saved data and stop"
+    )
+    chosen = parser.parse_args()
+    if not chosen.figures and not chosen.half:
+        parser.error("--half dev or --half proof is needed")
+    return chosen
+
+
+def main() -> None:
+    chosen = options()
+    if chosen.figures:
+        draw(FIGURES)
+        return
+    truths = open_truths(chosen.half)
+    seals = json.loads(SEALS.read_text())[chosen.half]
+    names = [n for n in sorted(truths) if not chosen.cases or n in chosen.cases][: chosen.limit]
+    out = chosen.out.resolve()
+
+    def one(name: str) -> None:
+        if chosen.again:
+            shutil.rmtree(out / name / "diagnosis", ignore_errors=True)
+        case = write(truths[name], out, seals[name])
+        word = "recordings" if chosen.generate_only else diagnose(case, chosen.timeout)
+        print(f"{name}: {word}", flush=True)
+
+    with ThreadPoolExecutor(chosen.jobs) as pool:
+        list(pool.map(one, names))
+    if chosen.generate_only:
+        return
+    # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
+    rows = [
+        row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()
+    ]
+    saved = {
+        "half": chosen.half, "commit": commit(), "cores": os.cpu_count(), "cases": len(truths),
+        "seed": MASTER[chosen.half],
+        "rows": [row for row in rows if row],
+    }  # fmt: skip
+    data = FIGURES / "data" / f"concealed-{chosen.half}.json"
+    data.parent.mkdir(parents=True, exist_ok=True)
+    data.write_text(json.dumps(saved, indent=1) + "\n")
+    draw(FIGURES)
+
+
+if __name__ == "__main__":
+    main()

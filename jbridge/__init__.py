@@ -1,0 +1,1 @@
+"""jbridge: a differentiable simulator of a laboratory loading bridge, and why a rig and its model differ."""

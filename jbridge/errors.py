@@ -1,0 +1,33 @@
+"""What a person can correct: the one error that commands turn into a line and exit status 2."""
+
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """A file or an option that cannot be used; `str` is exactly one line: where, what, and what to do."""
+
+    def __init__(self, message: str) -> None:
+        # Cells and names come from files: a line break or an escape sequence in them must not reach a
+        # terminal.
+        line = " ".join(message.split())
+        super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
+
+
+def quoted(text: str, limit: int = 40) -> str:
+    """Returns `text` in quotes, shortened to `limit` characters.
+
+    >>> quoted("abc")
+    "'abc'"
+    """
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+
+
+def listed(names: Iterable[object], limit: int = 8) -> str:
+    """Returns names separated by commas, with the number of those left out.
+
+    >>> listed(["t", "u_x", "x"], limit=2)
+    't, u_x and 1 more'
+    """
+    every = [str(name) for name in names]
+    more = f" and {len(every) - limit} more" if len(every) > limit else ""
+    return ", ".join(every[:limit]) + more

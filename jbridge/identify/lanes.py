@@ -1,0 +1,212 @@
+"""Recordings cut into lanes: arrays of equal length that one compiled program takes together.
+
+A lane is a whole recording (a free run) or a window of it. Rows become grid points; a gap is bridged by further grid
+points without a measurement, so that no step is longer than the engine's.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from .._types import AXES, Axes
+from ..recordings import Recording
+from ..simulate import Lane
+
+_HISTORY = 0.6
+"""Time before a lane [s] whose inputs a delay or a lag still feels."""
+_START = 0.15
+"""Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
+
+
+class Lanes(eqx.Module):
+    """A batch of lanes with what was measured on them."""
+
+    lane: Lane
+    y: Float[Array, "lane sample 3"]
+    """Measurements; 0 where there is none."""
+    weight: Float[Array, "lane sample 3"]
+    """One over the noise's standard deviation; 0 where there is no measurement."""
+    override_at: Float[Array, "lane parameter"]
+    """1 where a recording sets a parameter of its own."""
+    override_to: Float[Array, "lane parameter"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """One recording on the engine's grid, in plain NumPy."""
+
+    recording: Recording
+    times: NDArray[np.float64]
+    """Grid points [s] from the recording's start."""
+    u: NDArray[np.float64]
+    """Inputs of cart and hoist, held over each interval."""
+    y: NDArray[np.float64]
+    measured: NDArray[np.bool_]
+    active: Axes
+    length: float
+    """A rope length for the parts that do not measure one [m]."""
+
+    @property
+    def intervals(self) -> int:
+        return len(self.times) - 1
+
+
+def grid(recording: Recording, step: float) -> Grid:
+    """Puts a recording on grid points no farther apart than `step` [s], its own rows among them."""
+    t = recording.times - recording.times[0]
+    pieces = np.maximum(np.ceil(np.diff(t) / step - 1e-6).astype(int), 1)
+    row_at = np.concatenate([[0], np.cumsum(pieces)])
+    times = np.interp(np.arange(row_at[-1] + 1), row_at, t)
+    held = np.repeat(np.arange(len(pieces)), pieces)
+    u = np.zeros((len(held), 2))
+    for k, values in enumerate((recording.u_x, recording.u_l)):
+        if values is not None:
+            u[:, k] = values[held]
+    y, measured = np.zeros((len(times), 3)), np.zeros((len(times), 3), bool)
+    for k, axis in enumerate(AXES):
+        values = getattr(recording, axis)
+        if values is not None:
+            y[row_at, k] = values
+            measured[row_at, k] = recording.fresh[axis]
+    length = recording.locked_length
+    if length is None:
+        length = 0.5 if recording.l is None else float(np.mean(recording.l))
+    active = Axes(*(float(flag) for flag in (recording.has_cart, recording.has_swing, recording.has_hoist)))
+    return Grid(recording, times, u, y, measured, active, length)
+
+
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """Lanes with where they come from."""
+
+    lanes: Lanes
+    initial: NDArray[np.float64]
+    """First guess of each lane's state: `x, psi, l` and their velocities, then hidden deflections."""
+    prior: NDArray[np.float64]
+    """One over the standard deviation of each initial value about the first guess; infinite where it is fixed."""
+    recording: NDArray[np.int64]
+    """Index of each lane's recording."""
+    first: NDArray[np.int64]
+    """Grid point at which each lane begins."""
+    grids: tuple[Grid, ...]
+    names: tuple[str, ...]
+    substeps: int
+
+    @property
+    def count(self) -> int:
+        return len(self.recording)
+
+
+def make_batch(
+    recordings: Sequence[Recording],
+    sigma: Mapping[str, float],
+    *,
+    step: float = 0.005,
+    window: float | None = None,
+    size: int = 0,
+    overrides: Sequence[Mapping[int, float]] = (),
+    hidden: int = 0,
+    substeps: int | None = None,
+) -> Batch:
+    """Lanes of all recordings.
+
+    Args:
+        recordings: measured runs.
+        sigma: noise of each channel [m, rad, m].
+        step: longest integration step [s].
+        window: length of a lane [s]; None takes whole recordings.
+        size: number of parameters, for per-recording overrides.
+        overrides: for each recording, parameter values by place in the parameter vector.
+        hidden: number of hidden coordinates of the plant.
+        substeps: integration steps in each interval; by default from `step`.
+    """
+    period = float(np.median([recording.period for recording in recordings]))
+    if substeps is None:
+        substeps = max(1, math.ceil(period / step - 1e-6))
+    grids = tuple(grid(recording, max(1.5 * period, 1e-4)) for recording in recordings)
+    cuts: list[tuple[int, int, int]] = []
+    for r, g in enumerate(grids):
+        if window is None:
+            cuts.append((r, 0, g.intervals))
+            continue
+        edges = np.searchsorted(g.times, np.arange(0.0, g.times[-1] - 0.5 * window, window))
+        stops = [*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)]
+        cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
+    longest = _rounded(max(b - a for _, a, b in cuts))
+    history = math.ceil(_HISTORY / period)
+    n = len(cuts)
+    dt = np.zeros((n, longest))
+    u = np.zeros((n, history + longest, 2))
+    before = np.full((n, history), period)
+    y, weight = np.zeros((n, longest + 1, 3)), np.zeros((n, longest + 1, 3))
+    at, to = np.zeros((n, size)), np.zeros((n, size))
+    initial, prior = np.zeros((n, 6 + 2 * hidden)), np.zeros((n, 6 + 2 * hidden))
+    scale = np.array([1.0 / sigma[axis] if axis in sigma else 0.0 for axis in AXES])
+    for i, (r, a, b) in enumerate(cuts):
+        g = grids[r]
+        dt[i, : b - a] = np.diff(g.times[a : b + 1])
+        u[i, history : history + b - a] = g.u[a:b]
+        past = min(a, history)
+        if past:
+            u[i, history - past : history] = g.u[a - past : a]
+            before[i, history - past :] = np.diff(g.times[a - past : a + 1])
+        y[i, : b - a + 1] = g.y[a : b + 1]
+        weight[i, : b - a + 1] = g.measured[a : b + 1] * scale
+        if overrides:
+            for place, value in overrides[r].items():
+                at[i, place], to[i, place] = 1.0, value
+        initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
+        prior[i, 6:] = np.tile([1 / 2e-3, 1 / 2e-2], hidden)
+    starts = np.array([grids[r].times[a] for r, a, _ in cuts])
+    active = Axes(*(jnp.asarray([getattr(grids[r].active, axis) for r, _, _ in cuts]) for axis in AXES))
+    lane = Lane(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
+    return Batch(
+        Lanes(lane, jnp.asarray(y), jnp.asarray(weight), jnp.asarray(at), jnp.asarray(to)),
+        initial,
+        prior,
+        np.array([r for r, _, _ in cuts]),
+        np.array([a for _, a, _ in cuts]),
+        grids,
+        tuple(recording.name for recording in recordings),
+        substeps,
+    )
+
+
+def _rounded(count: int) -> int:
+    """A length a little above `count`, from a coarse list, so that programs are compiled for few lengths."""
+    unit = max(1, 2 ** (count.bit_length() - 4))
+    return -(-count // unit) * unit
+
+
+def _first_state(
+    g: Grid, a: int, b: int, sigma: Mapping[str, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A parabola through each channel's first samples, and how far the truth may lie from it."""
+    state, tight = np.zeros(6), np.zeros(6)
+    state[2] = g.length
+    for k, axis in enumerate(AXES):
+        if not getattr(g.active, axis):
+            # What does not move keeps its place exactly.
+            tight[[k, k + 3]] = np.inf
+            continue
+        rows = np.flatnonzero(g.measured[a : b + 1, k]) + a
+        if not len(rows):
+            tight[[k, k + 3]] = [1 / 0.05, 1 / 0.2]
+            continue
+        near = rows[g.times[rows] <= g.times[rows[0]] + _START]
+        if len(near) < 6:
+            near = rows[:6]
+        since = g.times[near] - g.times[a]
+        degree = 2 if len(near) >= 6 else 1
+        fit = np.polynomial.polynomial.polyfit(since, g.y[near, k], degree)
+        state[k], state[k + 3] = fit[0], fit[1]
+        noise = sigma[axis]
+        tight[k] = 1.0 / (20.0 * noise + 1e-4)
+        tight[k + 3] = 1.0 / (200.0 * noise / _START + 0.05)
+    return state, tight

@@ -1,0 +1,149 @@
+"""Residuals and their forward-mode tangents, for many parameter vectors and lanes in one program.
+
+A fit has few shared parameters and, for each lane, an initial state of its own. The program below rolls out every
+lane of every row (a row is one parameter vector with its free parameters) and pushes one tangent forward for each
+free parameter and each initial value. Which parameters are free is data, so one program serves all candidates.
+"""
+
+import functools
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from numpy.typing import NDArray
+
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..simulate import MIDPOINT, Motions, readings, rollout
+from .lanes import Batch, Lanes
+
+_ROWS = 4
+"""Rows in one call of the compiled program."""
+_THREADS = 2
+
+
+class Gram(NamedTuple):
+    """Inner products of `[free parameters, initial state, residual]` over the samples of each lane."""
+
+    products: NDArray[np.float64]
+    """Row, lane, and twice the columns."""
+    predicted: NDArray[np.float64]
+    """Readings: row, lane, sample, channel."""
+    tangents: NDArray[np.float64] | None = None
+    """Weighted tangents of `[free parameters, initial state]`: row, lane, column, sample and channel."""
+
+    @property
+    def cost(self) -> NDArray[np.float64]:
+        """Sum of squared weighted residuals, by row and lane."""
+        return self.products[:, :, -1, -1]
+
+
+class Engine:
+    """Compiled rollouts of one plant structure; parameter vectors, data and free sets are arguments."""
+
+    def __init__(self, plant: Plant):
+        self.table = ParameterTable(plant)
+
+    def gram(
+        self,
+        vectors: NDArray[np.float64],
+        free: NDArray[np.int64],
+        initial: NDArray[np.float64],
+        batch: Batch,
+        *,
+        columns: int,
+        keep: bool = False,
+    ) -> Gram:
+        """Gram matrices of all lanes for every row.
+
+        Args:
+            vectors: one parameter vector a row.
+            free: places of the free parameters of each row, -1 where a row has fewer.
+            initial: initial state by row and lane.
+            batch: the lanes.
+            columns: number of parameter columns to compile for; at least as many as are free.
+            keep: whether to return the tangents, too.
+        """
+        rows = len(vectors)
+        places = np.full((rows, columns), -1, np.int64)
+        places[:, : free.shape[1]] = free
+        jobs = []
+        width = 1 if rows == 1 else _ROWS
+        for a in range(0, rows, width):
+            # A short last call repeats its last row: one shape, one program.
+            take = np.minimum(np.arange(a, a + width), rows - 1)
+            jobs.append((vectors[take], places[take], initial[take]))
+
+        def run(job: tuple) -> tuple[NDArray[np.float64], ...]:
+            tangents, residual, predicted = map(
+                np.asarray, _tangents(self.table, *map(jnp.asarray, job), batch.lanes, batch.substeps)
+            )
+            table = np.concatenate([tangents, residual[:, :, None]], axis=2)
+            products = table @ np.swapaxes(table, 2, 3)
+            return (products, predicted, tangents) if keep else (products, predicted)
+
+        if len(jobs) == 1:
+            parts = [run(jobs[0])]
+        else:
+            with ThreadPoolExecutor(_THREADS) as pool:
+                parts = list(pool.map(run, jobs))
+        return Gram(*(np.concatenate(part)[:rows] for part in zip(*parts, strict=True)))
+
+    def motions(self, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch) -> tuple:
+        """Motions and readings of all lanes at one parameter vector."""
+        return _motions(self.table, jnp.asarray(vector), jnp.asarray(initial), batch.lanes, batch.substeps)
+
+
+def _predict(
+    table: ParameterTable, vector: Array, initial: Array, lanes: Lanes, substeps: int
+) -> tuple[Motions, Float[Array, "sample 3"]]:
+    vector = jnp.where(lanes.override_at > 0, lanes.override_to, vector)
+    plant = table.unravel(vector)
+    motions = rollout(plant, initial, lanes.lane, substeps=substeps, method=MIDPOINT)
+    return motions, readings(plant, lanes.lane, motions)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 5))
+def _tangents(
+    table: ParameterTable,
+    vectors: Float[Array, "row parameter"],
+    free: Int[Array, "row column"],
+    initial: Float[Array, "row lane state"],
+    lanes: Lanes,
+    substeps: int,
+) -> tuple[Array, Array, Array]:
+    def one(vector: Array, places: Array, start: Array, lane: Lanes) -> tuple[Array, Array, Array]:
+        size, states = vector.shape[0], start.shape[0]
+
+        def predict(z: Array) -> Array:
+            return _predict(table, z[:size], z[size:], lane, substeps)[1]
+
+        z = jnp.concatenate([vector, start])
+        towards = (jnp.arange(size + states) == places[:, None]).astype(z.dtype)
+        basis = jnp.concatenate([jnp.zeros((states, size), z.dtype), jnp.eye(states, dtype=z.dtype)], axis=1)
+        directions = jnp.concatenate([towards, basis])
+        predicted, tangents = _jvp_batch(predict, z, directions)
+        residual = (predicted - lane.y) * lane.weight
+        scaled = tangents * lane.weight
+        return scaled.reshape(directions.shape[0], -1), residual.reshape(-1), predicted
+
+    over_lanes = jax.vmap(one, in_axes=(None, None, 0, 0))
+    return jax.vmap(over_lanes, in_axes=(0, 0, 0, None))(vectors, free, initial, lanes)
+
+
+def _jvp_batch(f: object, z: Array, directions: Array) -> tuple[Array, Array]:
+    """Value once, tangents for all directions."""
+
+    def push(direction: Array) -> tuple[Array, Array]:
+        return jax.jvp(f, (z,), (direction,))  # type: ignore[arg-type]
+
+    return jax.vmap(push, out_axes=(None, 0))(directions)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 4))
+def _motions(table: ParameterTable, vector: Array, initial: Array, lanes: Lanes, substeps: int) -> tuple:
+    return jax.vmap(lambda start, lane: _predict(table, vector, start, lane, substeps))(initial, lanes)

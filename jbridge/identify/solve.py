@@ -1,0 +1,217 @@
+"""Levenberg-Marquardt for many fits at once, with the arrow structure of free runs.
+
+Every row is a fit of its own: shared parameters and, for each lane, an initial state. The normal equations are an
+arrow, so initial states are eliminated lane by lane and only the shared parameters are damped and bounded. Written
+here rather than taken from a library because the elimination and the batching over rows are what makes a diagnosis
+of dozens of candidates affordable; a test holds its optimum against optimistix' `LevenbergMarquardt`.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .lanes import Batch
+from .linearise import Engine, Gram
+
+_START_DAMPING = 1e-3
+_MOST_DAMPING = 1e8
+
+
+@dataclasses.dataclass
+class Fits:
+    """Rows of fits: parameters, initial states and what they reach."""
+
+    vectors: NDArray[np.float64]
+    free: list[NDArray[np.int64]]
+    initial: NDArray[np.float64]
+    gram: Gram
+    iterations: int
+
+    @property
+    def cost(self) -> NDArray[np.float64]:
+        """Sum of squared weighted residuals of each row."""
+        return self.gram.cost.sum(axis=1)
+
+    @property
+    def lane_cost(self) -> NDArray[np.float64]:
+        return self.gram.cost
+
+
+@dataclasses.dataclass(frozen=True)
+class Reduced:
+    """Normal equations of one row after the initial states are eliminated."""
+
+    matrix: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    diagonal: NDArray[np.float64]
+    by_lane: NDArray[np.float64]
+    """Each lane's share of the matrix."""
+    gradient_by_lane: NDArray[np.float64]
+    back: NDArray[np.float64]
+    """Change of the initial states per change of the parameters: lane, state, parameter."""
+    shift: NDArray[np.float64]
+    """Change of the initial states with parameters held: lane, state."""
+
+
+def reduce(
+    products: NDArray[np.float64],
+    count: int,
+    columns: int,
+    initial: NDArray[np.float64],
+    guess: NDArray[np.float64],
+    prior: NDArray[np.float64],
+    damping: float = 0.0,
+) -> Reduced:
+    """Eliminates the initial states of one row.
+
+    Args:
+        products: Gram matrices by lane, of `columns` parameters, the states and the residual.
+        count: how many of the columns are in use.
+        columns: how many there are.
+        initial: initial states by lane.
+        guess: where their priors are centred.
+        prior: one over the priors' standard deviations, infinite where a state is held.
+        damping: Levenberg-Marquardt damping of the states.
+    """
+    lanes, states = initial.shape
+    s = slice(columns, columns + states)
+    held = ~np.isfinite(prior)
+    precision = np.where(held, 0.0, prior) ** 2
+    a = products[:, :count, :count]
+    b = np.where(held[:, :, None], 0.0, products[:, s, :count])
+    c = np.where(held[:, :, None] | held[:, None, :], 0.0, products[:, s, s])
+    index = np.arange(states)
+    c = c.copy()
+    c[:, index, index] += precision + held + 1e-12
+    c[:, index, index] *= 1.0 + damping
+    ga = products[:, :count, -1]
+    gc = np.where(held, 0.0, products[:, s, -1] + precision * (initial - guess))
+    solved = np.linalg.solve(c, np.concatenate([b, gc[:, :, None]], axis=2))
+    by_lane = a - np.einsum("lsi,lsj->lij", b, solved[:, :, :count])
+    g_by_lane = ga - np.einsum("lsi,ls->li", b, solved[:, :, count])
+    return Reduced(
+        by_lane.sum(axis=0),
+        g_by_lane.sum(axis=0),
+        np.einsum("lii->i", a),
+        by_lane,
+        g_by_lane,
+        -solved[:, :, :count],
+        -solved[:, :, count],
+    )
+
+
+def bounded_step(
+    reduced: Reduced,
+    at: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    damping: float,
+) -> NDArray[np.float64]:
+    """Damped Gauss-Newton step that stays within bounds: what would leave them is put on them, and the rest re-solved."""
+    n = len(at)
+    step = np.zeros(n)
+    moving = ~(((at <= low) & (reduced.gradient > 0)) | ((at >= high) & (reduced.gradient < 0)))
+    fixed = np.zeros(n)
+    scale = np.maximum(reduced.diagonal, 1e-12 * max(reduced.diagonal.max(initial=0.0), 1e-300))
+    for _ in range(n + 1):
+        m = np.flatnonzero(moving)
+        if not len(m):
+            break
+        matrix = reduced.matrix[np.ix_(m, m)] + np.diag(damping * scale[m] + 1e-13 * scale[m])
+        right = -(reduced.gradient[m] + reduced.matrix[m] @ fixed)
+        step = fixed.copy()
+        step[m] = np.linalg.lstsq(matrix, right, rcond=1e-15)[0]
+        goal = at + step
+        outside = moving & ((goal < low) | (goal > high))
+        if not outside.any():
+            break
+        fixed[outside] = np.clip(goal, low, high)[outside] - at[outside]
+        moving &= ~outside
+        step = fixed.copy()
+    return np.clip(at + step, low, high) - at
+
+
+def solve(
+    engine: Engine,
+    batch: Batch,
+    vectors: NDArray[np.float64],
+    free: Sequence[NDArray[np.int64]],
+    *,
+    initial: NDArray[np.float64] | None = None,
+    columns: int,
+    iterations: int = 12,
+    tolerance: float = 1e-4,
+    weights: NDArray[np.float64] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fits:
+    """Fits every row from its own start.
+
+    Args:
+        vectors: start of each row, all parameters.
+        free: places of the free parameters of each row.
+        initial: initial states by row and lane; the batch's first guess where None.
+        columns: parameter columns of the compiled program.
+        iterations: most steps of a row.
+        tolerance: a row is done when a step gains less than this share of its cost.
+        weights: weight of each lane by row, 1 where None (0 leaves a lane out, for cross-validation).
+        progress: told after each iteration.
+    """
+    vectors = np.array(vectors, dtype=float)
+    rows = len(vectors)
+    low_all, high_all = engine.table.bounds()
+    if initial is None:
+        initial = np.broadcast_to(batch.initial, (rows, *batch.initial.shape))
+    initial = np.array(initial, dtype=float)
+    lane_weight = np.ones((rows, batch.count)) if weights is None else weights
+    width = max(len(f) for f in free)
+    places = np.full((rows, width), -1, np.int64)
+    for i, f in enumerate(free):
+        places[i, : len(f)] = f
+    gram = engine.gram(vectors, places, initial, batch, columns=columns)
+    products, predicted = gram.products, gram.predicted
+    damping = np.full(rows, _START_DAMPING)
+    active = np.ones(rows, bool)
+    quiet = np.zeros(rows, int)
+    done = 0
+    for done in range(1, iterations + 1):
+        chosen = np.flatnonzero(active)
+        if not len(chosen):
+            break
+        trial_v, trial_i = vectors[chosen].copy(), initial[chosen].copy()
+        for j, r in enumerate(chosen):
+            f = free[r]
+            weighted = products[r] * lane_weight[r][:, None, None]
+            reduced = reduce(weighted, len(f), columns, initial[r], batch.initial, batch.prior, damping[r])
+            step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
+            trial_v[j, f] += step
+            moved = reduced.back @ step + reduced.shift
+            trial_i[j] += moved
+        gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
+        for j, r in enumerate(chosen):
+            old = _objective(products[r], lane_weight[r], initial[r], batch)
+            new = _objective(gram.products[j], lane_weight[r], trial_i[j], batch)
+            if np.isfinite(new) and new < old:
+                gain = (old - new) / max(old, 1e-300)
+                vectors[r], initial[r] = trial_v[j], trial_i[j]
+                products[r], predicted[r] = gram.products[j], gram.predicted[j]
+                damping[r] = max(damping[r] * 0.1, 1e-9)
+                quiet[r] = quiet[r] + 1 if gain < tolerance else 0
+            else:
+                damping[r] = damping[r] * 10.0
+                quiet[r] += damping[r] > 1e2
+            if quiet[r] >= 2 or damping[r] > _MOST_DAMPING:
+                active[r] = False
+        if progress is not None:
+            best = min(float((products[r, :, -1, -1] * lane_weight[r]).sum()) for r in range(rows))
+            progress(f"iteration {done}: {active.sum()} fits going, best cost {best:.4g}")
+    return Fits(vectors, list(free), initial, Gram(products, predicted), done)
+
+
+def _objective(
+    products: NDArray[np.float64], weight: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch
+) -> float:
+    precision = np.where(np.isfinite(batch.prior), batch.prior, 0.0)
+    prior = (precision * (initial - batch.initial)) ** 2
+    return float((products[:, -1, -1] * weight).sum() + prior.sum())

@@ -1,0 +1,1 @@
+"""The plant: a rigid bridge and the effects that act on it."""

@@ -1,0 +1,277 @@
+"""What an effect is: the interfaces, and what is told about each parameter.
+
+An effect is one piece of physics that a bridge may or may not have. It has a `kind`, a `site` and parameters; the
+parameter's unit, bounds and null value stand beside the field. The roles below say where an effect enters:
+
+- friction: a level of dry friction, which may depend on place, velocity and time (`AbstractFriction`);
+- damping: a smooth force on an axis, where its drive sits (`AbstractDamping`);
+- force: a smooth force on cart and load (`AbstractForce`);
+- drive: volts in, volts out (`AbstractDrive`), plus delay, lag and drum radius, which the engine asks for by name;
+- sensor: true coordinates in, readings out (`AbstractSensor`);
+- mechanism: an additional hidden coordinate (`AbstractMechanism`).
+"""
+
+import abc
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..._types import Axes, Scalar
+
+CART, SWING, HOIST = "cart", "swing", "hoist"
+CART_DRIVE, HOIST_DRIVE = "cart_drive", "hoist_drive"
+X_SENSOR, PSI_SENSOR, L_SENSOR = "x_sensor", "psi_sensor", "l_sensor"
+SITES = (CART, SWING, HOIST, CART_DRIVE, HOIST_DRIVE, X_SENSOR, PSI_SENSOR, L_SENSOR)
+
+AXIS_OF_SITE = {
+    CART: "x",
+    CART_DRIVE: "x",
+    X_SENSOR: "x",
+    SWING: "psi",
+    PSI_SENSOR: "psi",
+    HOIST: "l",
+    HOIST_DRIVE: "l",
+    L_SENSOR: "l",
+}
+"""The axis, and thereby the equation, that a site belongs to."""
+
+
+def _as_float(value: Any) -> Array:
+    return jnp.asarray(value, dtype=jnp.result_type(float))
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterInfo:
+    """What is known of a parameter before any recording is seen.
+
+    `unit` is written with the placeholders `{force}`, `{position}`, `{speed}` and `{input}`, which the site fills in.
+    """
+
+    name: str
+    unit: str
+    null: float
+    """Value at which the effect is absent (or, for a shape, any harmless value)."""
+    low: float
+    high: float
+    fitted: bool
+    """Whether it is ever estimated from recordings (knots and reference lengths are choices)."""
+    vector: bool
+    optional: bool
+    doc: str
+    key: str
+    """Its name in model files and reports (a field may not carry the name of a method)."""
+
+
+def parameter(
+    unit: str,
+    doc: str,
+    *,
+    null: float = 0.0,
+    low: float = -math.inf,
+    high: float = math.inf,
+    fitted: bool = True,
+    vector: bool = False,
+    default: Any = dataclasses.MISSING,
+    key: str = "",
+) -> Any:
+    """Declares a parameter field of an effect or of the bridge, with what `ParameterInfo` lists."""
+    metadata = {
+        "parameter": dict(
+            unit=unit,
+            doc=doc,
+            null=null,
+            low=low,
+            high=high,
+            fitted=fitted,
+            vector=vector,
+            optional=default is not dataclasses.MISSING,
+            key=key,
+        )
+    }
+    return eqx.field(converter=_as_float, default=default, metadata=metadata)
+
+
+def option(default: str, choices: tuple[str, ...]) -> Any:
+    """Declares a choice by word, such as the end of the rail.
+
+    The field holds the word's index as a number, so that both choices share one compiled program.
+    """
+
+    def index_of(word: Any) -> Array:
+        if isinstance(word, str):
+            if word not in choices:
+                raise ValueError(f"{word!r} is not one of {', '.join(choices)}")
+            return _as_float(choices.index(word))
+        return _as_float(word)
+
+    return eqx.field(converter=index_of, default=default, metadata={"choices": choices})
+
+
+def parameters_of(cls: type) -> dict[str, ParameterInfo]:
+    """The parameters of an effect class (or of `Bridge`), by key and in order."""
+    infos = {}
+    for field in dataclasses.fields(cls):
+        if "parameter" in field.metadata:
+            told = dict(field.metadata["parameter"])
+            key = told.pop("key") or field.name
+            infos[key] = ParameterInfo(field.name, key=key, **told)
+    return infos
+
+
+def options_of(cls: type) -> dict[str, tuple[str, ...]]:
+    """The options of an effect class with their allowed words."""
+    return {
+        field.name: field.metadata["choices"] for field in dataclasses.fields(cls) if "choices" in field.metadata
+    }
+
+
+_PLACE_UNITS = {
+    "x": {"force": "N", "position": "m", "speed": "m/s"},
+    "psi": {"force": "N m", "position": "rad", "speed": "rad/s"},
+    "l": {"force": "N", "position": "m", "speed": "m/s"},
+}
+
+
+def unit_at(unit: str, site: str, inputs: Mapping[str, str] | None = None) -> str:
+    """Fills a parameter's unit in for a site; `inputs` names the unit of each drive's input (volts unless told)."""
+    axis = AXIS_OF_SITE[site]
+    command = (inputs or {}).get("u_x" if axis == "x" else "u_l", "V")
+    return unit.format(input=command, **_PLACE_UNITS[axis])
+
+
+class Scene(eqx.Module):
+    """What the recordings cover: the ranges from which an effect proposes where to start looking for it."""
+
+    low: Mapping[str, float]
+    """Smallest value seen of each of `x`, `psi`, `l` (SI) and `u_x`, `u_l` (input unit)."""
+    high: Mapping[str, float]
+    speed: Mapping[str, float]
+    """A high quantile (95 %) of the speed of each axis [m/s, rad/s]."""
+    duration: float
+    """Longest recording [s]."""
+    period: float
+    """Median sampling period [s]."""
+    length: float
+    """Mean rope length [m]."""
+    bridge: Mapping[str, float]
+    """The bridge's numbers by name."""
+    friction: Mapping[str, float]
+    """Plain Coulomb level that the model has at each site now (0 where none)."""
+    events: Mapping[str, tuple[tuple[float, float], ...]]
+    """Intervals (start, stop) [s] in which the residual force of a site stands out, best first."""
+
+    def span(self, name: str) -> float:
+        return self.high[name] - self.low[name]
+
+
+@dataclasses.dataclass(frozen=True)
+class Seed:
+    """One place to start looking for an effect: parameter values, and which of them are free from there."""
+
+    values: Mapping[str, Any]
+    free: tuple[str, ...]
+    finite: bool = False
+    """False: the effect is absent at `values` (its amplitude is zero), so a linear screen can weigh it."""
+
+
+class AbstractEffect(eqx.Module):
+    """One piece of physics at one site."""
+
+    kind: eqx.AbstractClassVar[str]
+    sites: eqx.AbstractClassVar[tuple[str, ...]]
+    sentence: eqx.AbstractClassVar[str]
+    """What a rig's owner is told; `{axis}` is filled in with the axis' name."""
+    site: eqx.AbstractVar[str]
+
+    def __check_init__(self) -> None:
+        if self.site not in self.sites:
+            raise ValueError(f"{self.kind} cannot be at site {self.site!r}: it goes with {', '.join(self.sites)}")
+
+    @classmethod
+    @abc.abstractmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        """Where to start looking for this effect in recordings that cover `scene`."""
+
+
+class AbstractFriction(AbstractEffect):
+    """Dry friction on one axis. Levels of several frictions on an axis add; the engine makes them hold at rest."""
+
+    @abc.abstractmethod
+    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+        """Largest friction against positive and against negative motion, both >= 0 [N, N m].
+
+        Args:
+            t: time from the recording's start [s].
+            q: the axis' coordinate [m, rad].
+            v: its velocity [m/s, rad/s].
+        """
+
+
+class AbstractDamping(AbstractEffect):
+    """A smooth resistance on one axis, acting where the axis' drive and guide sit."""
+
+    @abc.abstractmethod
+    def resistance(self, q: Axes, v: Axes) -> Scalar:
+        """Generalized force on the effect's own axis [N, N m]."""
+
+
+class AbstractForce(AbstractEffect):
+    """A smooth force on the cart or the load."""
+
+    @abc.abstractmethod
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        """Generalized forces on the three axes [N, N m, N]."""
+
+
+class AbstractDrive(AbstractEffect):
+    """A memoryless change of a drive's input."""
+
+    order: ClassVar[int] = 0
+    """Place in the chain; physics puts saturation before the dead zone before the gain."""
+
+    @abc.abstractmethod
+    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+        """Input in, input out, each in the input's unit, at times [s] from the recording's start."""
+
+
+class AbstractSensor(AbstractEffect):
+    """What an encoder makes of a coordinate."""
+
+    order: ClassVar[int] = 0
+
+    @abc.abstractmethod
+    def read(
+        self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
+    ) -> Float[Array, " time"]:
+        """The reading after this effect, from the reading before it and the true coordinate [m, rad]."""
+
+
+class AbstractMechanism(AbstractEffect):
+    """A compliance or a play that adds a hidden coordinate to the mechanics (see `plant`)."""
+
+
+def interpolate(knots: Float[Array, " knot"], values: Float[Array, " knot"], q: Scalar) -> Scalar:
+    """Piecewise linear through `(knots, values)`, constant beyond the ends.
+
+    A sum of clipped ramps instead of a search and a gather: it vectorises over lanes and differentiates.
+    """
+    value = values[0]
+    for j in range(values.shape[0] - 1):
+        width = knots[j + 1] - knots[j]
+        # The slope does not depend on q, so it leaves the time loop.
+        value = value + (values[j + 1] - values[j]) / width * jnp.clip(q - knots[j], 0.0, width)
+    return value
+
+
+def uniform_knots(scene: Scene, axis: str, count: int) -> list[float]:
+    """Knots over the part of an axis that the recordings cover [m]."""
+    low, high = scene.low[axis], scene.high[axis]
+    if not high > low:
+        low, high = low - 0.5, low + 0.5
+    return [float(k) for k in np.linspace(low, high, count)]

@@ -1,0 +1,78 @@
+"""The one list of the effects that there are; a new effect is one class and one line here."""
+
+from .base import AbstractEffect
+from .drives import (
+    ActuatorLag,
+    DeadZone,
+    DrumRadiusChange,
+    GainAsymmetry,
+    GainDrift,
+    InputDelay,
+    Saturation,
+)
+from .flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
+from .forces import (
+    ConstantForce,
+    EndStop,
+    LengthDependentDamping,
+    LoadDrag,
+    PeriodicForce,
+    QuadraticDrag,
+    ResidualForce,
+    SpringForce,
+    Wind,
+)
+from .friction import (
+    CoulombFriction,
+    DirectionDependentFriction,
+    FrictionDrift,
+    PositionDependentFriction,
+    PositionDirectionFriction,
+    PreslidingFriction,
+    StribeckFriction,
+)
+from .sensors import MissedCounts, SensorDelay, SensorEccentricity, SensorOffset, SensorScale
+
+CATALOGUE: dict[str, type[AbstractEffect]] = {
+    cls.kind: cls
+    for cls in (
+        CoulombFriction,
+        StribeckFriction,
+        DirectionDependentFriction,
+        PositionDependentFriction,
+        PositionDirectionFriction,
+        PreslidingFriction,
+        QuadraticDrag,
+        FrictionDrift,
+        ConstantForce,
+        SpringForce,
+        PeriodicForce,
+        EndStop,
+        LoadDrag,
+        Wind,
+        LengthDependentDamping,
+        RopeElasticity,
+        DoublePendulum,
+        BeltCompliance,
+        Backlash,
+        DeadZone,
+        Saturation,
+        InputDelay,
+        ActuatorLag,
+        GainAsymmetry,
+        GainDrift,
+        DrumRadiusChange,
+        SensorOffset,
+        SensorScale,
+        SensorDelay,
+        MissedCounts,
+        SensorEccentricity,
+    )
+}
+"""Effect class by kind, in the order of the documentation's table."""
+
+UNNAMED: dict[str, type[AbstractEffect]] = {ResidualForce.kind: ResidualForce}
+"""What a model file may hold besides, but no diagnosis names."""
+
+KINDS: dict[str, type[AbstractEffect]] = CATALOGUE | UNNAMED
+"""Everything that a model file may hold."""

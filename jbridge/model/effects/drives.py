@@ -1,0 +1,140 @@
+"""Between the commanded input and the motor's force."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._types import Scalar
+from .base import AXIS_OF_SITE, CART_DRIVE, HOIST_DRIVE, AbstractDrive, AbstractEffect, Scene, Seed, parameter
+
+_DRIVES = (CART_DRIVE, HOIST_DRIVE)
+
+
+def _largest_input(site: str, scene: Scene) -> float:
+    name = f"u_{AXIS_OF_SITE[site]}"
+    return max(abs(scene.low[name]), abs(scene.high[name]), 1e-6)
+
+
+class Saturation(AbstractDrive):
+    """`clip(u, -limit, limit)`."""
+
+    kind: ClassVar[str] = "saturation"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a limit of the {axis}: larger inputs have no further effect"
+    order: ClassVar[int] = 1
+    limit: Scalar = parameter("{input}", "largest input that counts", null=1e6, low=0.0)
+    site: str = eqx.field(static=True)
+
+    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+        return jnp.clip(u, -self.limit, self.limit)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        largest = _largest_input(site, scene)
+        return [Seed({"limit": share * largest}, ("limit",), finite=True) for share in (0.92, 0.75, 0.55)]
+
+
+class DeadZone(AbstractDrive):
+    """`u` minus its clip to [-negative, positive]."""
+
+    kind: ClassVar[str] = "dead_zone"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a dead zone of the {axis}: small inputs do nothing"
+    order: ClassVar[int] = 2
+    positive: Scalar = parameter("{input}", "width above zero", low=0.0)
+    negative: Scalar = parameter("{input}", "width below zero", low=0.0)
+    site: str = eqx.field(static=True)
+
+    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+        # At a zero width the two branches still differ for u > 0 and u < 0, which a clip's gradient would not tell.
+        return jnp.where(u > self.positive, u - self.positive, jnp.where(u < -self.negative, u + self.negative, 0.0))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        largest = _largest_input(site, scene)
+        free = ("positive", "negative")
+        return [
+            Seed({"positive": 0.0, "negative": 0.0}, free),
+            Seed({"positive": 0.1 * largest, "negative": 0.1 * largest}, free, finite=True),
+        ]
+
+
+class GainAsymmetry(AbstractDrive):
+    """Gain `1 + ratio` for positive, `1 - ratio` for negative inputs."""
+
+    kind: ClassVar[str] = "gain_asymmetry"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a {axis} that is stronger in one direction than in the other"
+    order: ClassVar[int] = 3
+    ratio: Scalar = parameter("1", "half the difference over the mean", low=-1.0, high=1.0)
+    site: str = eqx.field(static=True)
+
+    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+        return u + self.ratio * jnp.abs(u)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("ratio",))]
+
+
+class GainDrift(AbstractDrive):
+    """Gain `1 + rate t`: a motor that heats, a supply that sags."""
+
+    kind: ClassVar[str] = "gain_drift"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a {axis} whose strength changes while it runs (heating, sagging supply)"
+    order: ClassVar[int] = 4
+    rate: Scalar = parameter("1/s", "relative change of the gain with time")
+    site: str = eqx.field(static=True)
+
+    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+        return u * (1.0 + self.rate * t)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("rate",))]
+
+
+class InputDelay(AbstractEffect):
+    """`u(t - delay)`, 0 before the first row. The engine averages it over a step, which gives it a gradient."""
+
+    kind: ClassVar[str] = "input_delay"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a dead time of the {axis}: it answers late, but then at once"
+    delay: Scalar = parameter("s", "dead time", low=0.0)
+    site: str = eqx.field(static=True)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"delay": value}, ("delay",), finite=value > 0) for value in (0.0, 0.02, 0.06)]
+
+
+class ActuatorLag(AbstractEffect):
+    """First order: `time_constant s' = u - s`, solved exactly over a step (`s` is a hidden state)."""
+
+    kind: ClassVar[str] = "actuator_lag"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a lag of the {axis}: it answers gradually"
+    time_constant: Scalar = parameter("s", "time constant", low=0.0)
+    site: str = eqx.field(static=True)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"time_constant": value}, ("time_constant",), finite=True) for value in (0.01, 0.04, 0.12)]
+
+
+class DrumRadiusChange(AbstractEffect):
+    """Gain `1 + slope (l - length)`: the rope winds up in layers."""
+
+    kind: ClassVar[str] = "drum_radius_change"
+    sites: ClassVar[tuple[str, ...]] = (HOIST_DRIVE,)
+    sentence: ClassVar[str] = "a {axis} whose strength changes with the rope's length, as rope layers on the drum do"
+    slope: Scalar = parameter("1/m", "relative change of the gain with the length")
+    length: Scalar = parameter("m", "reference length", null=float("nan"), fitted=False, default=float("nan"))
+    site: str = eqx.field(static=True, default=HOIST_DRIVE)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"length": scene.length}, ("slope",))]

@@ -1,0 +1,248 @@
+"""Smooth forces on cart, load and winch."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._math import sincos
+from ..._types import Axes, Scalar
+from .base import (
+    AXIS_OF_SITE,
+    CART,
+    HOIST,
+    SWING,
+    AbstractDamping,
+    AbstractForce,
+    Scene,
+    Seed,
+    interpolate,
+    option,
+    parameter,
+    uniform_knots,
+)
+
+_EDGE = 0.005
+"""Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""
+
+
+class QuadraticDrag(AbstractDamping):
+    """`-coefficient v |v|`."""
+
+    kind: ClassVar[str] = "quadratic_drag"
+    sites: ClassVar[tuple[str, ...]] = (CART, HOIST)
+    sentence: ClassVar[str] = "a resistance of the {axis} that grows with the square of its speed"
+    coefficient: Scalar = parameter("{force}/({speed})^2", "drag", low=0.0)
+    site: str = eqx.field(static=True)
+
+    def resistance(self, q: Axes, v: Axes) -> Scalar:
+        speed = getattr(v, AXIS_OF_SITE[self.site])
+        return -self.coefficient * speed * jnp.abs(speed)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("coefficient",))]
+
+
+class LengthDependentDamping(AbstractDamping):
+    """`-slope (l - length) psi'`: the swing's damping changes with the rope's length."""
+
+    kind: ClassVar[str] = "length_dependent_damping"
+    sites: ClassVar[tuple[str, ...]] = (SWING,)
+    sentence: ClassVar[str] = "a damping of the swing that changes with the length of the rope"
+    slope: Scalar = parameter("N s", "change of the damping with the length")
+    length: Scalar = parameter("m", "reference length", null=float("nan"), fitted=False, default=float("nan"))
+    site: str = eqx.field(static=True, default=SWING)
+
+    def resistance(self, q: Axes, v: Axes) -> Scalar:
+        return -self.slope * (q.l - self.length) * v.psi
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"length": scene.length}, ("slope",))]
+
+
+class ConstantForce(AbstractForce):
+    """A force that never changes: a tilted rail, an amplifier's offset."""
+
+    kind: ClassVar[str] = "constant_force"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = "a constant force on the {axis}, as from a tilted rail or an offset of the amplifier"
+    level: Scalar = parameter("{force}", "force")
+    site: str = eqx.field(static=True, default=CART)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        zero = jnp.zeros_like(q.x)
+        return Axes(zero + self.level, zero, zero)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("level",))]
+
+
+class SpringForce(AbstractForce):
+    """`-stiffness (q - rest)`: a cable chain that pulls back."""
+
+    kind: ClassVar[str] = "spring_force"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = "a force on the {axis} that grows with its distance from a place, as from a cable chain"
+    stiffness: Scalar = parameter("{force}/{position}", "stiffness")
+    rest: Scalar = parameter("{position}", "place without force")
+    site: str = eqx.field(static=True, default=CART)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        zero = jnp.zeros_like(q.x)
+        return Axes(-self.stiffness * (q.x - self.rest), zero, zero)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [
+            Seed({"stiffness": 0.0, "rest": scene.low["x"] + share * scene.span("x")}, ("stiffness", "rest"))
+            for share in (0.5, 0.0, 1.0)
+        ]
+
+
+class PeriodicForce(AbstractForce):
+    """`amplitude sin(2 pi q / period + phase)`: the belt's teeth, a motor's cogging."""
+
+    kind: ClassVar[str] = "periodic_force"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = "a force on the {axis} that repeats with its position, as from belt teeth or cogging"
+    amplitude: Scalar = parameter("{force}", "amplitude")
+    period: Scalar = parameter("{position}", "distance after which it repeats", null=0.1, low=1e-3)
+    phase: Scalar = parameter("rad", "phase at the origin")
+    site: str = eqx.field(static=True, default=CART)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        sine, _ = sincos(2 * jnp.pi * q.x / self.period + self.phase)
+        zero = jnp.zeros_like(q.x)
+        return Axes(self.amplitude * sine, zero, zero)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        span = max(scene.span("x"), 1e-2)
+        periods = [span / n for n in (1.5, 2, 3, 4, 5.5, 7, 9, 12, 16, 22, 30, 40)]
+        return [
+            Seed({"amplitude": 0.0, "period": period, "phase": phase}, ("amplitude", "period", "phase"))
+            for period in periods
+            for phase in (0.0, float(jnp.pi / 2))
+        ]
+
+
+class EndStop(AbstractForce):
+    """Spring and damper beyond `position`, while in contact; it pushes and never pulls."""
+
+    kind: ClassVar[str] = "end_stop"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = "an elastic stop that the {axis} runs into"
+    position: Scalar = parameter("{position}", "place of first contact")
+    stiffness: Scalar = parameter("{force}/{position}", "stiffness", low=0.0)
+    damping: Scalar = parameter("{force} s/m", "damping in contact", low=0.0)
+    site: str = eqx.field(static=True, default=CART)
+    end: Scalar = option("high", ("high", "low"))
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        sign = 1.0 - 2.0 * self.end
+        depth = sign * (q.x - self.position)
+        push = self.stiffness * depth + self.damping * sign * v.x
+        zero = jnp.zeros_like(q.x)
+        return Axes(-sign * jnp.where(depth > 0, jnp.maximum(push, 0.0), 0.0), zero, zero)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        low, span = scene.low["x"], scene.span("x")
+        shares = (0.97, 0.9, 0.8)
+        return [
+            Seed(
+                {"end": end, "position": low + (s if end == "high" else 1 - s) * span, "stiffness": 500.0, "damping": 5.0},
+                ("position", "stiffness", "damping"),
+                finite=True,
+            )
+            for end in ("high", "low")
+            for s in shares
+        ]
+
+
+class LoadDrag(AbstractForce):
+    """Air drag on the load's absolute velocity, `-coefficient |V| V`; it acts on all three equations."""
+
+    kind: ClassVar[str] = "load_drag"
+    sites: ClassVar[tuple[str, ...]] = (SWING,)
+    sentence: ClassVar[str] = "air drag on the load"
+    coefficient: Scalar = parameter("N s^2/m^2", "drag", low=0.0)
+    site: str = eqx.field(static=True, default=SWING)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        sine, cosine = sincos(q.psi)
+        across = v.x + v.l * sine + q.l * v.psi * cosine
+        down = v.l * cosine - q.l * v.psi * sine
+        # The floor keeps the gradient of the root finite at rest; 1e-9 m/s is no motion.
+        speed = jnp.sqrt(across * across + down * down + 1e-18)
+        f_across, f_down = -self.coefficient * speed * across, -self.coefficient * speed * down
+        return Axes(f_across, q.l * (f_across * cosine - f_down * sine), f_across * sine + f_down * cosine)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("coefficient",))]
+
+
+class Wind(AbstractForce):
+    """A horizontal force on the load from `start` to `stop`: `force (1, l cos psi, sin psi)`."""
+
+    kind: ClassVar[str] = "wind"
+    sites: ClassVar[tuple[str, ...]] = (SWING,)
+    sentence: ClassVar[str] = "a horizontal push on the load during a certain time, as from wind"
+    strength: Scalar = parameter("N", "force", key="force")
+    start: Scalar = parameter("s", "when it begins")
+    stop: Scalar = parameter("s", "when it ends", null=1.0)
+    site: str = eqx.field(static=True, default=SWING)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        rise = jnp.clip((t - self.start) / _EDGE + 0.5, 0.0, 1.0)
+        fall = jnp.clip((t - self.stop) / _EDGE + 0.5, 0.0, 1.0)
+        push = self.strength * (rise - fall)
+        sine, cosine = sincos(q.psi)
+        return Axes(push, q.l * push * cosine, push * sine)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        thirds = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
+        found = list(scene.events.get(SWING, ()))[:4] + list(scene.events.get(CART, ()))[:2]
+        return [
+            Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"))
+            for start, stop in [*found, (0.0, 2 * scene.duration), *thirds]
+        ]
+
+
+class ResidualForce(AbstractForce):
+    """What no named effect explains: a force that is piecewise linear in place plus one piecewise linear in velocity.
+
+    It is never a name for physics. `diagnose` learns it to ask whether anything repeatable is missing, and where it
+    can give no name it keeps the curve so that the simulation is usable all the same.
+    """
+
+    kind: ClassVar[str] = "residual_force"
+    sites: ClassVar[tuple[str, ...]] = (CART, SWING, HOIST)
+    sentence: ClassVar[str] = "a force on the {axis} without a name, as a curve over place and velocity"
+    places: Float[Array, " knot"] = parameter("{position}", "knots in place", fitted=False, vector=True)
+    by_place: Float[Array, " knot"] = parameter("{force}", "force at each place", vector=True)
+    speeds: Float[Array, " knot"] = parameter("{speed}", "knots in velocity", fitted=False, vector=True)
+    by_speed: Float[Array, " knot"] = parameter("{force}", "force at each velocity", vector=True)
+    site: str = eqx.field(static=True)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        axis = AXIS_OF_SITE[self.site]
+        value = interpolate(self.places, self.by_place, getattr(q, axis))
+        value = value + interpolate(self.speeds, self.by_speed, getattr(v, axis))
+        zero = jnp.zeros_like(q.x)
+        return Axes(*(value if axis == name else zero for name in Axes._fields))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        axis = AXIS_OF_SITE[site]
+        places = uniform_knots(scene, axis, 7)
+        top = max(scene.speed[axis], 1e-3)
+        speeds = [share * top for share in (-1.0, -0.5, -0.2, -0.05, 0.05, 0.2, 0.5, 1.0)]
+        values = {"places": places, "by_place": [0.0] * 7, "speeds": speeds, "by_speed": [0.0] * 8}
+        return [Seed(values, ("by_place", "by_speed"))]

@@ -1,0 +1,128 @@
+"""What an encoder makes of a true coordinate."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._types import Scalar
+from .base import (
+    AXIS_OF_SITE,
+    L_SENSOR,
+    PSI_SENSOR,
+    X_SENSOR,
+    AbstractEffect,
+    AbstractSensor,
+    Scene,
+    Seed,
+    parameter,
+)
+
+_SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
+
+
+class SensorOffset(AbstractSensor):
+    """Reading plus `offset`."""
+
+    kind: ClassVar[str] = "sensor_offset"
+    sites: ClassVar[tuple[str, ...]] = _SENSORS
+    sentence: ClassVar[str] = "a constant error of the {axis}"
+    order: ClassVar[int] = 3
+    offset: Scalar = parameter("{position}", "error of the reading")
+    site: str = eqx.field(static=True)
+
+    def read(
+        self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
+    ) -> Float[Array, " time"]:
+        return reading + self.offset
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("offset",))]
+
+
+class SensorScale(AbstractSensor):
+    """Reading times `scale`."""
+
+    kind: ClassVar[str] = "sensor_scale"
+    sites: ClassVar[tuple[str, ...]] = _SENSORS
+    sentence: ClassVar[str] = "a wrong scale of the {axis}"
+    order: ClassVar[int] = 2
+    scale: Scalar = parameter("1", "reading over truth", null=1.0, low=0.1, high=10.0)
+    site: str = eqx.field(static=True)
+
+    def read(
+        self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
+    ) -> Float[Array, " time"]:
+        return reading * self.scale
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"scale": 1.0}, ("scale",))]
+
+
+class SensorEccentricity(AbstractSensor):
+    """Reading plus `amplitude sin(2 pi q / period + phase)` of the true coordinate: a wheel off its centre."""
+
+    kind: ClassVar[str] = "sensor_eccentricity"
+    sites: ClassVar[tuple[str, ...]] = _SENSORS
+    sentence: ClassVar[str] = "an error of the {axis} that repeats with the position, as from an eccentric wheel"
+    order: ClassVar[int] = 1
+    amplitude: Scalar = parameter("{position}", "amplitude")
+    period: Scalar = parameter("{position}", "distance after which it repeats", null=0.1, low=1e-3)
+    phase: Scalar = parameter("rad", "phase at the origin")
+    site: str = eqx.field(static=True)
+
+    def read(
+        self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
+    ) -> Float[Array, " time"]:
+        return reading + self.amplitude * jnp.sin(2 * jnp.pi * truth / self.period + self.phase)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        span = max(scene.span(AXIS_OF_SITE[site]), 1e-2)
+        return [
+            Seed({"amplitude": 0.0, "period": span / n, "phase": phase}, ("amplitude", "period", "phase"))
+            for n in (1, 1.5, 2, 3, 4, 5.5, 7, 9, 12, 16, 22, 30)
+            for phase in (0.0, float(jnp.pi / 2))
+        ]
+
+
+class MissedCounts(AbstractSensor):
+    """The reading steps once by `jump`, at `time` from the recording's start."""
+
+    kind: ClassVar[str] = "missed_counts"
+    sites: ClassVar[tuple[str, ...]] = _SENSORS
+    sentence: ClassVar[str] = "a step of the {axis}'s reading, as from lost encoder counts"
+    order: ClassVar[int] = 4
+    jump: Scalar = parameter("{position}", "size of the step")
+    time: Scalar = parameter("s", "when it happens", null=1.0)
+    site: str = eqx.field(static=True)
+
+    def read(
+        self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
+    ) -> Float[Array, " time"]:
+        # One sample's rise gives the moment a gradient; a step between two samples cannot be timed better anyway.
+        period = (t[-1] - t[0]) / (t.shape[0] - 1)
+        return reading + self.jump * jnp.clip((t - self.time) / jnp.maximum(period, 1e-6) + 0.5, 0.0, 1.0)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        times = [(i + 0.5) / 8 * scene.duration for i in range(8)]
+        found = [start for start, _ in scene.events.get(site, ())][:3]
+        return [Seed({"jump": 0.0, "time": time}, ("jump", "time")) for time in [*found, *times]]
+
+
+class SensorDelay(AbstractEffect):
+    """The reading is late by `delay`; the engine interpolates the motion."""
+
+    kind: ClassVar[str] = "sensor_delay"
+    sites: ClassVar[tuple[str, ...]] = _SENSORS
+    sentence: ClassVar[str] = "a delay of the {axis}: it reports late"
+    delay: Scalar = parameter("s", "how late the reading is", low=0.0)
+    site: str = eqx.field(static=True)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"delay": 0.0}, ("delay",))]

@@ -1,0 +1,147 @@
+"""A plant's numbers as one vector, with names, units and bounds.
+
+Fits, sweeps and reports all speak of parameters through this table. A bridge's number is named as in the model file
+(`cart_gain`); an effect's is `kind@site.key`, with `[i]` behind it for an entry of a vector.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from .bridge import Bridge
+from .effects.base import AbstractEffect, ParameterInfo, parameters_of, unit_at
+from .plant import Plant
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One number of a plant."""
+
+    name: str
+    group: str
+    """The name without an index."""
+    owner: int
+    """Index of the effect, -1 for the bridge."""
+    key: str
+    index: int
+    """Place within a vector parameter, 0 for a scalar."""
+    info: ParameterInfo
+    unit: str
+
+
+class ParameterTable:
+    """Names, units and bounds of every number of a plant, in the order of its leaves."""
+
+    def __init__(self, plant: Plant, inputs: Mapping[str, str] | None = None):
+        """Args:
+        plant: gives the structure; its values are not kept.
+        inputs: unit of `u_x` and `u_l`, volts where not told.
+        """
+        plant = jax.tree.map(jnp.asarray, plant)
+        leaves, self._treedef = jax.tree.flatten(plant)
+        self._shapes = [np.shape(leaf) for leaf in leaves]
+        self._sizes = [int(np.prod(shape)) for shape in self._shapes]
+        self.size = sum(self._sizes)
+        self.entries: list[Entry] = []
+        self._positions: dict[str, list[int]] = {}
+        command = {"u_x": "V", "u_l": "V"} | dict(inputs or {})
+        offset = 0
+        for owner, part in enumerate((plant.bridge, *plant.effects), start=-1):
+            by_field = {info.name: info for info in parameters_of(type(part)).values()}
+            for field in dataclasses.fields(part):
+                if field.metadata.get("static"):
+                    continue
+                size = int(np.prod(np.shape(getattr(part, field.name))))
+                info = by_field.get(field.name)
+                if info is not None:
+                    self._describe(part, owner, info, offset, size, command)
+                offset += size
+
+    def __hash__(self) -> int:
+        return hash((self._treedef, tuple(self._shapes)))
+
+    def __eq__(self, other: object) -> bool:
+        """Tables of the same structure are interchangeable, so that programs compiled for one serve the other."""
+        if not isinstance(other, ParameterTable):
+            return NotImplemented
+        return self._treedef == other._treedef and self._shapes == other._shapes
+
+    def _describe(
+        self, part: Any, owner: int, info: ParameterInfo, offset: int, size: int, command: Mapping[str, str]
+    ) -> None:
+        if isinstance(part, AbstractEffect):
+            group = f"{part.kind}@{part.site}.{info.key}"
+            unit = unit_at(info.unit, part.site, command)
+            taken = 1
+            while group in self._positions:
+                taken += 1
+                group = f"{part.kind}@{part.site}#{taken}.{info.key}"
+        else:
+            group, unit = info.key, info.unit.format(**command)
+        for i in range(size):
+            name = f"{group}[{i}]" if info.vector else group
+            self.entries.append(Entry(name, group, owner, info.key, i, info, unit))
+            self._positions.setdefault(group, []).append(offset + i)
+            self._positions[name] = [offset + i]
+        self._by_position = {p: e for e in self.entries for p in self._positions[e.name]}
+
+    def entry(self, position: int) -> Entry:
+        return self._by_position[position]
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(entry.name for entry in self.entries)
+
+    def positions(self, name: str) -> list[int]:
+        """Places in the vector of a parameter, an entry of it, or (`kind.key`) of a parameter named without its site.
+
+        Raises:
+            KeyError: nothing or more than one thing has that name.
+        """
+        if name in self._positions:
+            return self._positions[name]
+        found = {group for group in self._positions if "@" in group and _without_site(group) == name}
+        if len(found) == 1:
+            return self._positions[found.pop()]
+        raise KeyError(name)
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper bounds; options and references have none."""
+        low, high = np.full(self.size, -math.inf), np.full(self.size, math.inf)
+        for position, entry in self._by_position.items():
+            low[position], high[position] = entry.info.low, entry.info.high
+        return low, high
+
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which numbers may be estimated at all."""
+        out = np.zeros(self.size, bool)
+        for position, entry in self._by_position.items():
+            out[position] = entry.info.fitted
+        return out
+
+    def ravel(self, plant: Plant) -> Float[Array, " parameter"]:
+        leaves = jax.tree.leaves(plant)
+        return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=jnp.result_type(float))) for leaf in leaves])
+
+    def unravel(self, vector: Float[Array, " parameter"]) -> Plant:
+        leaves, offset = [], 0
+        for shape, size in zip(self._shapes, self._sizes, strict=True):
+            leaves.append(jnp.reshape(vector[offset : offset + size], shape))
+            offset += size
+        return jax.tree.unflatten(self._treedef, leaves)
+
+
+def _without_site(group: str) -> str:
+    kind, rest = group.split("@", 1)
+    return f"{kind}.{rest.split('.', 1)[1]}"
+
+
+def bridge_keys() -> tuple[str, ...]:
+    """Names of the bridge's numbers."""
+    return tuple(parameters_of(Bridge))

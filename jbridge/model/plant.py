@@ -1,0 +1,361 @@
+"""The plant: a bridge with the effects that act on it, as one acceleration.
+
+Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
+elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
+masses of their own; only the hook's angle enlarges the coupled mass matrix.
+
+Friction that sticks: over a step friction is the mean of what Coulomb's law gives while the axis slides from the
+step's first velocity, and of what holds it (or breaks away) from the instant at which it comes to rest. For a steady
+drive that mean is exact, so a stop or a reversal costs no order of accuracy; stuck is stuck, sliding is exactly
+Coulomb, and the share of the step that slides carries the gradient of the instant of the event. The axes (and a
+play's contact) feel each other's friction through the inverse mass matrix, so they are swept twice, Gauss-Seidel.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._math import materialise, sincos
+from jaxtyping import Array
+
+from .._types import Axes, Scalar
+from .bridge import Bridge, Symmetric, inverse
+from .effects.base import (
+    AXIS_OF_SITE,
+    AbstractDamping,
+    AbstractEffect,
+    AbstractForce,
+    AbstractFriction,
+    AbstractMechanism,
+)
+from .effects.drives import ActuatorLag, DrumRadiusChange
+from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
+from .effects.friction import PreslidingFriction
+
+_SWEEPS = 2
+_CONTACT_TIME = 0.6
+"""A play's contact brings its sides together within this share of a step: the shortest that the midpoint rule bears."""
+_CONTACT_RELAXATION = 20.0
+"""Penetration of a play's contact fades over this many `tau`: slow enough not to bounce."""
+_CONTACT_DEPTH = 2e-5
+"""Depth [m] over which a play's contact comes in: below any encoder, and it gives the gap a gradient."""
+
+E = TypeVar("E", bound=AbstractEffect)
+
+
+class Motion(NamedTuple):
+    """Positions, velocities or accelerations of all coordinates; hidden ones are None where there is no mechanism."""
+
+    x: Scalar
+    psi: Scalar
+    l: Scalar  # noqa: E741
+    motor: Scalar | None = None
+    loaded: Scalar | None = None
+    phi: Scalar | None = None
+
+    @property
+    def axes(self) -> Axes:
+        return Axes(self.x, self.psi, self.l)
+
+    def at_load(self) -> Axes:
+        """Cart, swing, and the length at which the load hangs."""
+        return Axes(self.x, self.psi, self.l if self.loaded is None else self.loaded)
+
+    def at_drives(self) -> Axes:
+        """Where motor and winch sit: friction and damping act there."""
+        return Axes(self.x if self.motor is None else self.motor, self.psi, self.l)
+
+
+class Plant(eqx.Module):
+    """A bridge and its effects. `Plant(bridge)` is the rigid, viscous bridge."""
+
+    bridge: Bridge
+    effects: tuple[AbstractEffect, ...] = ()
+
+    def all(self, cls: type[E], site: str | None = None) -> Iterator[E]:
+        """The effects of a class, at one site or everywhere."""
+        for effect in self.effects:
+            if isinstance(effect, cls) and site in (None, effect.site):
+                yield effect
+
+    def only(self, cls: type[E], site: str | None = None) -> E | None:
+        """The one effect of a class, or None.
+
+        Raises:
+            ValueError: there are two, where physics has room for one.
+        """
+        found = list(self.all(cls, site))
+        if len(found) > 1:
+            raise ValueError(f"a model holds at most one {found[0].kind} at {found[0].site}, and here are {len(found)}")
+        return found[0] if found else None
+
+    @property
+    def drive_train(self) -> BeltCompliance | Backlash | None:
+        belt, play = self.only(BeltCompliance), self.only(Backlash)
+        if belt is not None and play is not None:
+            raise ValueError("belt_compliance and backlash both stand between motor and cart: keep one of them")
+        return belt if belt is not None else play
+
+    @property
+    def mechanisms(self) -> tuple[AbstractMechanism, ...]:
+        return tuple(self.all(AbstractMechanism))
+
+    def drive_forces(self, volts: Axes, q: Motion) -> Axes:
+        """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored."""
+        del q
+        zero = jnp.zeros_like(volts.x)
+        return Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
+
+    def drum_gain(self, length: Scalar) -> Scalar:
+        """Relative gain of the winch at a rope length [m]."""
+        gain = jnp.ones_like(length)
+        for effect in self.all(DrumRadiusChange):
+            gain = gain * (1.0 + effect.slope * (length - effect.length))
+        return gain
+
+    def time_constants(self) -> Axes:
+        """Time constants of the drives' lags [s], 0 where there is none."""
+        found = {"x": jnp.zeros(()), "l": jnp.zeros(())}
+        for effect in self.all(ActuatorLag):
+            axis = AXIS_OF_SITE[effect.site]
+            found[axis] = found[axis] + effect.time_constant
+        return Axes(found["x"], jnp.zeros(()), found["l"])
+
+    def stretch(self) -> Scalar:
+        """Static elongation of an elastic rope under the load [m]."""
+        rope = self.only(RopeElasticity)
+        if rope is None:
+            return jnp.zeros(())
+        return self.bridge.load_mass * self.bridge.gravity / rope.stiffness
+
+    def friction_levels(self, t: Scalar, q: Axes, v: Axes) -> tuple[Axes, Axes]:
+        """Levels against positive and against negative motion, summed over the effects of each axis."""
+        zero = jnp.zeros_like(v.x)
+        positive = {"x": zero, "psi": zero, "l": zero}
+        negative = dict(positive)
+        for effect in self.all(AbstractFriction):
+            axis = AXIS_OF_SITE[effect.site]
+            up, down = effect.levels(t, getattr(q, axis), getattr(v, axis))
+            positive[axis] = positive[axis] + up
+            negative[axis] = negative[axis] + down
+        return Axes(**positive), Axes(**negative)
+
+    def smooth_forces(self, t: Scalar, q: Motion, v: Motion) -> tuple[Axes, Axes]:
+        """Forces at the load's side (cart, swing, loaded rope) and resistances at the drives' side [N, N m, N]."""
+        load_q, load_v = q.at_load(), v.at_load()
+        total = Axes(*(jnp.zeros_like(q.x) for _ in range(3)))
+        for effect in self.all(AbstractForce):
+            total = Axes(*(a + b for a, b in zip(total, effect.force(t, load_q, load_v), strict=True)))
+        drives_q, drives_v = q.at_drives(), v.at_drives()
+        resistance = self.bridge.viscous(drives_v)._asdict()
+        for damping in self.all(AbstractDamping):
+            axis = AXIS_OF_SITE[damping.site]
+            resistance[axis] = resistance[axis] + damping.resistance(drives_q, drives_v)
+        return total, Axes(**resistance)
+
+    def acceleration(
+        self,
+        t: Scalar,
+        q: Motion,
+        v: Motion,
+        volts: Axes,
+        z: Scalar | None,
+        active: Axes,
+        first: Axes,
+        h: Scalar,
+        go: Array,
+    ) -> Motion:
+        """Accelerations of all coordinates [m/s^2, rad/s^2].
+
+        Args:
+            t: time from the recording's start [s].
+            q, v: positions and velocities.
+            volts: inputs behind the drives' chains, in the input's unit.
+            z: relative deflection of a presliding friction, None without one.
+            active: 1 for an axis that moves, 0 for one that is locked or absent.
+            first: velocities of drives and swing at the step's beginning, from which friction is judged.
+            h: length of the step [s]; the mean friction over it is used.
+        """
+        train, rope, hook = self.drive_train, self.only(RopeElasticity), self.only(DoublePendulum)
+        b = self.bridge
+        load_q, load_v = q.at_load(), v.at_load()
+        # A cart alone carries no load.
+        loaded = jnp.maximum(active.psi, active.l)
+        m = b.mass_matrix(load_q)
+        xx = m.xx - b.load_mass * (1.0 - loaded) - (0.0 if train is None else train.motor_mass)
+        ll = m.ll if rope is None else m.ll - b.winch_mass
+        m = m._replace(xx=xx, ll=ll)
+        # The rope's far end moves freely where the rope is elastic, even if the winch is locked.
+        block = active if rope is None else active._replace(l=loaded)
+        bias = b.bias(load_q, load_v)
+        force, resistance = materialise(self.smooth_forces(t, q, v), go)
+        drive = self.drive_forces(volts, q)
+        at_x = drive.x + resistance.x
+        at_l = drive.l + resistance.l
+        sliding = self.only(PreslidingFriction)
+        if sliding is not None and z is not None:
+            at_x = at_x - sliding.level * z
+        f_x = force.x - bias.x
+        f_psi = force.psi + resistance.psi - bias.psi
+        f_l = force.l - bias.l
+        if train is None:
+            f_x = f_x + at_x
+        if rope is None:
+            f_l = f_l + at_l
+        else:
+            tension = rope.stiffness * (q.loaded - q.l) + rope.damping * (v.loaded - v.l)
+            f_l = f_l - tension
+            at_l = at_l + tension
+        if isinstance(train, BeltCompliance):
+            belt = train.stiffness * (q.motor - q.x) + train.damping * (v.motor - v.x)
+            f_x = f_x + belt
+            at_x = at_x - belt
+
+        if hook is None:
+            inv = inverse(m, block)
+            free = inv @ Axes(f_x, f_psi, f_l)
+            a_phi, to_phi = None, None
+        else:
+            inv, free, a_phi, to_phi = _with_hook(hook, b, m, block, load_q, load_v, q, v, Axes(f_x, f_psi, f_l))
+
+        # Rows of the friction problem: cart (or motor), swing, hoist (or winch), and the play's contact.
+        w_x = inv.xx if train is None else active.x / train.motor_mass
+        w_l = inv.ll if rope is None else active.l / b.winch_mass
+        w_xp = inv.xp if train is None else jnp.zeros_like(inv.xp)
+        w_xl = inv.xl if train is None and rope is None else jnp.zeros_like(inv.xl)
+        w_pl = inv.pl if rope is None else jnp.zeros_like(inv.pl)
+        a_motor = None if train is None else at_x * active.x / train.motor_mass
+        a_winch = None if rope is None else at_l * active.l / b.winch_mass
+        rest = Axes(
+            free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch
+        )
+        w = ((w_x, w_xp, w_xl), (w_xp, inv.pp if hook is None else inv.pp, w_pl), (w_xl, w_pl, w_l))
+        positive, negative = materialise(self.friction_levels(t, q.at_drives(), v.at_drives()), go)
+        w, rest, inv, free = materialise((w, rest, inv, free), go)
+        contact = train if isinstance(train, Backlash) else None
+        f = [jnp.zeros_like(q.x)] * 3
+        push = jnp.zeros_like(q.x)
+        # The contact's force on (motor, swing, winch) rows and back, and on itself.
+        if contact is not None:
+            play = q.motor - q.x
+            side = jnp.where(play < 0, -1.0, 1.0)
+            depth = side * play - 0.5 * contact.gap
+            touch = jnp.clip(depth / _CONTACT_DEPTH, 0.0, 1.0)
+            u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
+            w_contact = w_x + inv.xx
+            approach = side * (v.motor - v.x)
+            tau = _CONTACT_TIME * h + _TINY
+        for _ in range(_SWEEPS):
+            if contact is not None:
+                # Acceleration of approach without the contact, friction at its current values.
+                a_free = side * (rest.x + w_x * f[0] - free.x - inv.xp * f[1] - u[2] * side * f[2])
+                wanted = a_free + approach / tau + depth / (_CONTACT_RELAXATION * tau * tau)
+                push = touch * jnp.maximum(wanted / (w_contact + _TINY), 0.0)
+            for i, (levels_up, levels_down) in enumerate(zip(positive, negative, strict=True)):
+                a_free = rest[i]
+                for j in range(3):
+                    if j != i:
+                        a_free = a_free + w[i][j] * f[j]
+                if contact is not None:
+                    a_free = a_free + u[i] * push
+                f[i] = materialise(_mean_friction(first[i], a_free, w[i][i], levels_up, levels_down, h), go)
+        zero = jnp.zeros_like(q.x)
+        f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
+        if contact is not None:
+            f_block = f_block._replace(x=f_block.x + side * push)
+            assert a_motor is not None
+            a_motor = a_motor - side * push * w_x
+        change = inv @ f_block
+        a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
+        if to_phi is not None:
+            a_phi = a_phi + to_phi.x * f_block.x + to_phi.psi * f_block.psi + to_phi.l * f_block.l
+        return Motion(
+            a.x,
+            a.psi,
+            a.l if a_winch is None else a_winch + w_l * f[2],
+            None if a_motor is None else a_motor + w_x * f[0],
+            None if rope is None else a.l,
+            a_phi,
+        )
+
+
+_TINY = 1e-30
+"""Keeps a locked axis' friction finite: its inverse mass is 0."""
+
+
+def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
+    """Coulomb's friction averaged over a step.
+
+    Args:
+        v: velocity at the step's beginning.
+        a_free: the axis' acceleration without its own friction.
+        w: its inverse effective mass, 0 if it is locked.
+        up, down: levels against positive and against negative motion.
+        h: length of the step [s].
+    """
+    needed = -a_free / (w + _TINY)
+    # Written out, because a clip between equal bounds has no gradient towards them.
+    holding = jnp.where(needed < -up, -up, jnp.where(needed > down, down, needed))
+    sliding = jnp.where(v > 0, -up, down)
+    a_sliding = a_free + w * sliding
+    slows = v * a_sliding < 0
+    until_rest = -v / jnp.where(slows, a_sliding, 1.0)
+    share = jnp.where(slows, jnp.minimum(until_rest / (h + _TINY), 1.0), jnp.where(v == 0, 0.0, 1.0))
+    return holding + share * (sliding - holding)
+
+
+def _with_hook(
+    hook: DoublePendulum,
+    b: Bridge,
+    m: Symmetric,
+    active: Axes,
+    q: Axes,
+    v: Axes,
+    hidden_q: Motion,
+    hidden_v: Motion,
+    force: Axes,
+) -> tuple[Symmetric, Axes, Scalar, Axes]:
+    """Adds the link below the hook: its angle enlarges the mass matrix, here by a Schur complement.
+
+    Returns:
+        The inverse mass matrix over the axes, their accelerations, that of `phi`, and the response of `phi` to
+        forces on the axes.
+    """
+    phi, phi_rate = hidden_q.phi, hidden_v.phi
+    assert phi is not None and phi_rate is not None
+    mass, link = b.load_mass - hook.hook_mass, hook.link
+    sine, cosine = sincos(q.psi)
+    sine_phi, cosine_phi = sincos(phi)
+    # cos(psi - phi) and sin(psi - phi)
+    along = cosine * cosine_phi + sine * sine_phi
+    across = sine * cosine_phi - cosine * sine_phi
+    column = Axes(mass * link * cosine_phi, mass * link * q.l * along, mass * link * across)
+    pull = mass * link * phi_rate * phi_rate
+    torque = hook.damping * (phi_rate - v.psi)
+    force = Axes(
+        force.x + pull * sine_phi,
+        force.psi + q.l * pull * (cosine * sine_phi - sine * cosine_phi) + torque,
+        force.l + pull * along,
+    )
+    hook_x = 2.0 * v.l * v.psi * cosine - q.l * v.psi * v.psi * sine
+    hook_down = -2.0 * v.l * v.psi * sine - q.l * v.psi * v.psi * cosine
+    f_phi = -mass * link * (cosine_phi * hook_x - sine_phi * hook_down + b.gravity * sine_phi) - torque
+    inv = inverse(m, active)
+    reach = inv @ column
+    d = mass * link * link
+    schur = d - (column.x * reach.x + column.psi * reach.psi + column.l * reach.l)
+    first = inv @ force
+    a_phi = (f_phi - (column.x * first.x + column.psi * first.psi + column.l * first.l)) / schur
+    a = Axes(*(p - r * a_phi for p, r in zip(first, reach, strict=True)))
+    full = Symmetric(
+        inv.xx + reach.x * reach.x / schur,
+        inv.xp + reach.x * reach.psi / schur,
+        inv.xl + reach.x * reach.l / schur,
+        inv.pp + reach.psi * reach.psi / schur,
+        inv.pl + reach.psi * reach.l / schur,
+        inv.ll + reach.l * reach.l / schur,
+    )
+    to_phi = Axes(-reach.x / schur, -reach.psi / schur, -reach.l / schur)
+    return full, a, a_phi, to_phi

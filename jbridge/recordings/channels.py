@@ -1,0 +1,154 @@
+"""Turns the columns of a file into channels in SI units, of one length, finite and within bounds."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from jbridge.errors import InputError, listed
+from jbridge.recordings.checks import LEAST_SAMPLES, check_finite, check_length, check_size, check_times
+from jbridge.recordings.columns import CHANNELS, Column
+from jbridge.recordings.recording import INPUTS
+from jbridge.recordings.sidecar import Sidecar
+from jbridge.recordings.table import Table
+
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Channels:
+    """What a file gives for each channel, and where in the file it stands."""
+
+    table: Table
+    columns: dict[str, Column]
+    """The column that each channel was read from."""
+    first: int
+    """Samples of the file that lie before the first one here: they were trimmed."""
+    values: dict[str, np.ndarray]
+    """Channels in SI units by name, `t` among them."""
+    extras: dict[str, np.ndarray]
+    """Columns that are no channel, as they are."""
+    notes: tuple[str, ...]
+
+    def error(self, sample: int, channel: str, problem: str) -> InputError:
+        """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
+        name = self.columns[channel].name if channel in self.columns else channel
+        return self.table.error(self.first + sample, name, problem)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each input."""
+        return {name: self.columns[name].input_unit for name in INPUTS if name in self.columns}
+
+
+def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
+    """Returns the channels of a file, each number checked.
+
+    Raises:
+        InputError: naming file, row and column.
+    """
+    columns = pick_columns(path, table, declared)
+    raw = {
+        channel: column.convert(table.columns[column.name], channel) for channel, column in columns.items()
+    }
+    times = raw["t"]
+    for channel, values in raw.items():
+        if values.size != times.size:
+            raise InputError(
+                f"{path}, column {columns[channel].name}: {values.size} values, but {columns['t'].name} has"
+                f" {times.size}; save vectors of one length"
+            )
+    used = {column.name for column in columns.values()}
+    left_out = {channel for channel in CHANNELS if declared.column(channel) is None}
+    others = {name: values for name, values in table.columns.items() if name not in used | left_out}
+    extras = {name: values for name, values in others.items() if values.size == times.size}
+    notes = []
+    if extras:
+        notes.append(f"Columns that are no channel are kept but not used: {listed(extras)}.")
+    if others.keys() - extras.keys():
+        skipped = [name for name in others if name not in extras]
+        notes.append(f"Vectors that differ from the time in length are left out: {listed(skipped)}.")
+    whole = Channels(table, columns, 0, raw, extras, tuple(notes))
+    check_finite(whole.error, "t", times)
+    check_times(whole.error, times)
+    channels = trim(path, whole, declared)
+    for name, values in channels.values.items():
+        check_finite(channels.error, name, values)
+        check_size(channels.error, name, values)
+    for name, values in channels.extras.items():
+        check_finite(channels.error, name, values)
+    if "l" in channels.values:
+        check_length(channels.error, channels.values["l"])
+    return unwrap(channels)
+
+
+def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Column]:
+    """Returns the column of each channel that the file has; the time must be one of them."""
+    columns = {}
+    for channel in CHANNELS:
+        column = declared.column(channel)
+        if column is None:
+            continue
+        if column.name in table.columns:
+            columns[channel] = column
+        elif column.name in table.unusable:
+            raise InputError(
+                f"{path}, column {column.name}: {table.unusable[column.name]}, where a vector with a number"
+                f" per sample belongs; save it as one, or rename it"
+            )
+        elif channel in declared.columns:
+            raise InputError(
+                f"{table.header}: no column {column.name}, which {declared.source} declares for {channel};"
+                f" the columns are {listed(table.columns)}"
+            )
+    if "t" not in columns:
+        found = (
+            f"the columns are {listed(table.columns)}" if table.columns else "there are no columns of numbers"
+        )
+        raise InputError(
+            f"{table.header}: no column t for the time; {found}; rename one, or map it in"
+            f' {path.with_suffix(".toml").name}: [columns] t = {{column = "...", unit = "s"}}'
+        )
+    return columns
+
+
+def unwrap(channels: Channels) -> Channels:
+    """Returns the channels with the angle of a load that goes over the top made continuous.
+
+    A sensor that starts again at each turn jumps by nearly a turn from one row to the next, which no load
+    does, and stays within one turn. Degrees declared as radians do not, so that they are refused and not
+    unwrapped.
+    """
+    psi = channels.values.get("psi")
+    if psi is None or np.ptp(psi) > 1.01 * TURN:
+        return channels
+    jumps = int(np.count_nonzero(np.abs(np.diff(psi)) > 0.9 * TURN))
+    if jumps == 0:
+        return channels
+    note = f"The angle jumps by a turn {jumps} times, where its sensor starts again; the jumps are taken out."
+    values = channels.values | {"psi": np.unwrap(psi)}
+    return replace(channels, values=values, notes=(*channels.notes, note))
+
+
+def trim(path: Path, channels: Channels, declared: Sidecar) -> Channels:
+    """Returns the rows within the declared times; they must be enough for a recording."""
+    times = channels.values["t"]
+    first = int(np.searchsorted(times, declared.start))
+    last = int(np.searchsorted(times, declared.stop, side="right"))
+    count = last - first
+    if count < LEAST_SAMPLES:
+        if times.size < LEAST_SAMPLES:
+            remedy = "record for longer or more often"
+        else:
+            remedy = f"the file runs from {times[0]:g} to {times[-1]:g} s: widen [trim] in {declared.source}"
+        raise InputError(f"{path}: {count} samples, at least {LEAST_SAMPLES} are needed; {remedy}")
+    notes = channels.notes
+    if count < times.size:
+        notes = (*notes, f"Of {times.size} rows, {count} lie within the declared [trim].")
+    return replace(
+        channels,
+        first=first,
+        values={name: values[first:last] for name, values in channels.values.items()},
+        extras={name: values[first:last] for name, values in channels.extras.items()},
+        notes=notes,
+    )

@@ -1,0 +1,117 @@
+"""What no recording of a bridge can contain, from times that stand still to degrees called radians."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from jbridge.errors import InputError
+
+LARGEST = 1e6
+"""Beyond this in SI units nothing on a laboratory rig is measured."""
+LEAST_SAMPLES = 50
+GRAVITY = 9.81
+TOO_FAST = 2.0
+"""Multiple of what gravity and the cart can give a load, above which its angle cannot be in radians."""
+MOST_MOMENTS = 100_000
+"""Moments at which the acceleration of an angle is looked at, for recordings of many hours."""
+
+Refuse = Callable[[int, str, str], InputError]
+"""Makes the error for a sample of a channel: its index, the channel, what is wrong and what to do."""
+
+
+def check_finite(refuse: Refuse, name: str, values: np.ndarray) -> None:
+    """Raises the InputError for the first NaN or infinite value, if there is one."""
+    bad = ~np.isfinite(values)
+    if bad.any():
+        sample = int(bad.argmax())
+        what = "NaN" if np.isnan(values[sample]) else "infinite"
+        raise refuse(sample, name, f"the value is {what}; delete the row, since a gap is a missing row")
+
+
+def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
+    """Raises the InputError for the first value beyond 1e6, if there is one."""
+    bad = np.abs(values) > LARGEST
+    if bad.any():
+        sample = int(bad.argmax())
+        if name == "t":
+            remedy = (
+                'count time from the start of the run, or subtract it: t = {column = "...", offset = ...}'
+            )
+        else:
+            remedy = (
+                f'correct it, or declare its unit under [columns]: {name} = {{column = "...", unit = "..."}}'
+            )
+        raise refuse(sample, name, f"{values[sample]:g} in SI units is beyond 1e6; {remedy}")
+
+
+def check_times(refuse: Refuse, times: np.ndarray) -> None:
+    """Raises the InputError for the first time that does not come after the one before."""
+    bad = np.diff(times) <= 0
+    if bad.any():
+        sample = int(bad.argmax()) + 1
+        now, before = times[sample], times[sample - 1]
+        what = "is the same as" if now == before else "comes before that of"
+        raise refuse(
+            sample,
+            "t",
+            f"time must increase, but {now!s} s {what} the row above ({before!s} s);"
+            " delete repeated rows, and keep one run in a file",
+        )
+
+
+def check_length(refuse: Refuse, length: np.ndarray) -> None:
+    """Raises the InputError for the first rope length that is not above 0."""
+    bad = length <= 0
+    if bad.any():
+        sample = int(bad.argmax())
+        raise refuse(
+            sample,
+            "l",
+            f"a rope length of {length[sample]:g} m; it runs from the pivot to the load's centre, above 0:"
+            ' correct it, or declare the sensor, l = {column = "...", sign = ..., offset = ...}',
+        )
+
+
+def check_angle_unit(
+    refuse: Refuse, times: np.ndarray, psi: np.ndarray, x: np.ndarray | None, length: np.ndarray
+) -> None:
+    """Raises an InputError if an angle that is said to be in radians is plainly in degrees.
+
+    The size of an angle says little: a load that goes over the top turns through many radians. Its
+    acceleration says more. Friction aside, a load on a rope has `l psi'' = -g sin(psi) - cos(psi) x''`, never
+    more than `g + abs(x'')`, at whatever angle, after however many turns, and wherever the angle's zero is.
+    Degrees read as radians exceed this, a swing of 10 degrees by a factor of 10. Second differences over an
+    eighth of the swing's period keep noise and counts out of the accelerations. The angle is refused if they
+    exceed the limit twofold for half of some swing, which leaves room for a length that is wrong by two and
+    lets a swing of less than 3 degrees pass.
+
+    Args:
+        refuse: Makes the error.
+        times: Times of the rows [s].
+        psi: Swing angle, radians as declared.
+        x: Cart position [m], if there is a cart.
+        length: Rope length [m].
+    """
+    reach = 2 * np.pi * np.sqrt(np.median(length) / GRAVITY) / 8
+    span = times[-1] - times[0]
+    if span < 4 * reach or np.median(np.diff(times)) > reach / 2:
+        return
+    moments = np.arange(times[0] + reach, times[-1] - reach, max(reach / 2, span / MOST_MOMENTS))
+    swing = min(moments.size, max(1, round(8 * reach / (moments[1] - moments[0]))))
+
+    def acceleration(values: np.ndarray) -> np.ndarray:
+        before, now, after = (np.interp(moments + shift, times, values) for shift in (-reach, 0.0, reach))
+        return np.abs(after - 2 * now + before) / reach**2
+
+    needed = acceleration(psi) * np.interp(moments, times, length)
+    limit = GRAVITY + (0.0 if x is None else acceleration(x))
+    excess = np.median(sliding_window_view(needed / limit, swing), axis=1).max()
+    if excess > TOO_FAST:
+        sample = int(np.abs(psi - np.median(psi)).argmax())
+        raise refuse(
+            sample,
+            "psi",
+            f"a swing as far as {psi[sample]:g} rad, {excess:.0f} times as fast as gravity and the cart can"
+            ' make it, is in degrees; declare psi = {column = "...", unit = "deg"} under [columns]',
+        )

@@ -1,0 +1,191 @@
+"""Reads and writes comma-separated values.
+
+Reading is fast where the file is clean. Where it is not, it is read a second time, cell by cell, to say which
+row and column to correct.
+"""
+
+import csv
+import io
+import os
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from jbridge.errors import InputError, listed, quoted
+from jbridge.recordings.table import Table
+
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+"""Control characters that no text carries; tabs, line breaks and escapes are not among them."""
+
+
+def read_csv(path: Path, content: bytes) -> Table:
+    """Returns the columns of a CSV file: one header row, then numbers only, with `,` between them.
+
+    A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted.
+
+    Raises:
+        InputError: naming file, row and column.
+    """
+    lines = decode(path, content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    filled = [number for number, line in enumerate(lines) if line.strip()]
+    header = read_header(path, lines, filled)
+    if len(filled) == 1:
+        raise InputError(f"{path}, row {filled[0] + 1}: only a header, no samples; record the run again")
+    body = [lines[number] for number in filled[1:]]
+    rows = np.array(filled[1:]) + 1
+    matrix = parse_fast(body, len(header))
+    if matrix is None:
+        matrix = parse_carefully(path, header, body, rows)
+    matrix = np.ascontiguousarray(matrix.T)
+    return Table(str(path), f"{path}, row {filled[0] + 1}", dict(zip(header, matrix, strict=True)), rows)
+
+
+def decode(path: Path, content: bytes) -> str:
+    """Returns the text of a file, or refuses what is no text or no table."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{path}: the text is encoded as UTF-16; save it as 'CSV UTF-8'")
+    if content.startswith(b"MATLAB 5.0 MAT-file"):
+        raise InputError(f"{path}: this is a MATLAB file, not text; rename it to end in .mat")
+    if BINARY.search(content[:65536]):
+        raise InputError(f"{path}: binary, not text; export the recording as comma-separated text (.csv)")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise InputError(
+            f"{path}, row {row}: byte 0x{byte:02x} is not UTF-8 text; save the file as 'CSV UTF-8',"
+            " or write its names without special letters"
+        ) from None
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty; record or export the run again")
+    if text.lstrip().startswith("<"):
+        raise InputError(
+            f"{path}, row 1: a web page (HTML or XML), not a recording; download the file itself, not its"
+            " page"
+        )
+    return text
+
+
+def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
+    """Returns the names of the columns, or refuses what cannot be a header of a comma-separated table."""
+    row, line = filled[0] + 1, lines[filled[0]]
+    refuse_other_separator(path, row, line, lines[filled[1]] if len(filled) > 1 else "")
+    names = [name.strip() for name in split(path, row, line)]
+    if all(is_number(name) for name in names):
+        raise InputError(
+            f"{path}, row {row}: numbers where the names of the columns belong; put a row such as"
+            " t,u_x,x,psi first"
+        )
+    for place, name in enumerate(names):
+        if not name:
+            raise InputError(
+                f"{path}, row {row}, column {place + 1}: the column has no name; name it or delete it"
+            )
+        if name in names[:place]:
+            raise InputError(
+                f"{path}, row {row}, column {name}: the name is there twice, as column"
+                f" {names.index(name) + 1} and {place + 1}; rename or delete one"
+            )
+    return names
+
+
+def refuse_other_separator(path: Path, row: int, header: str, first: str) -> None:
+    """Raises an InputError where semicolons or tabs separate the columns, with the command that converts."""
+    for letter, name in ((";", "semicolons"), ("\t", "tabs")):
+        if letter in header and "," not in header:
+            sign = letter if letter == ";" else r"\t"
+            if re.search(r"\d,\d", first):
+                raise InputError(
+                    f"{path}, row {row}: {name} between the columns and decimal commas in the numbers;"
+                    f" convert with sed 's/,/./g; s/{sign}/,/g' {path.name} > converted.csv"
+                )
+            raise InputError(
+                f"{path}, row {row}: {name} between the columns; convert with"
+                f" sed 's/{sign}/,/g' {path.name} > converted.csv"
+            )
+
+
+def split(path: Path, row: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as error:
+        raise InputError(f"{path}, row {row}: not comma-separated text ({error}); export it again") from None
+
+
+def is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python reads 1_000 as a thousand; no logger means that
+
+
+def parse_fast(body: list[str], width: int) -> np.ndarray | None:
+    """Returns the rows as numbers, or None where a row needs a closer look."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            matrix = np.loadtxt(body, delimiter=",", comments=None, quotechar='"', ndmin=2)
+    except (ValueError, UserWarning, DeprecationWarning):
+        return None
+    return matrix if matrix.shape == (len(body), width) else None
+
+
+def parse_carefully(path: Path, header: list[str], body: list[str], rows: np.ndarray) -> np.ndarray:
+    """Returns the rows as numbers, or refuses the first cell that is none or row of another length."""
+    matrix = np.empty((len(body), len(header)))
+    for index, (row, line) in enumerate(zip(rows.tolist(), body, strict=True)):
+        cells = split(path, row, line)
+        if len(cells) != len(header):
+            hint = "correct or delete the row"
+            if len(cells) > len(header):
+                hint += "; if its extra commas are decimal commas, export with decimal points"
+            raise InputError(f"{path}, row {row}: {len(cells)} cells for {len(header)} columns; {hint}")
+        for name, cell in zip(header, cells, strict=True):
+            if not is_number(cell):
+                raise InputError(f"{path}, row {row}, column {name}: {describe(cell)}")
+        matrix[index] = [float(cell) for cell in cells]
+    return matrix
+
+
+def describe(cell: str) -> str:
+    if not cell.strip():
+        return "the cell is empty; delete the row, since a gap is a missing row"
+    if DECIMAL_COMMA.fullmatch(cell.strip()):
+        return f"{quoted(cell)} has a decimal comma; export with decimal points"
+    return f"{quoted(cell)} is text, not a number; correct or delete the row"
+
+
+def save_csv(path: str | os.PathLike[str], columns: dict[str, np.ndarray]) -> None:
+    """Writes columns of equal length as CSV, so that reading gives the same numbers.
+
+    Each number has the fewest digits that do. The file appears whole or not at all.
+
+    Args:
+        path: Where to write; an existing file is replaced.
+        columns: Numbers by the name of their column, in the order of the columns.
+
+    Raises:
+        ValueError: if there is no column, or if they differ in length.
+        InputError: if the file cannot be written.
+    """
+    lengths = {name: np.shape(values) for name, values in columns.items()}
+    if not columns or len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
+        raise ValueError(f"a table needs columns of one length, got {listed(lengths.items())}")
+    target = Path(path)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(columns)
+    numbers = [np.asarray(values, dtype=np.float64).tolist() for values in columns.values()]
+    text.writelines(",".join(map(repr, row)) + "\n" for row in zip(*numbers, strict=True))
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text.getvalue(), encoding="utf-8", newline="")
+        os.replace(part, target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
+    finally:
+        part.unlink(missing_ok=True)

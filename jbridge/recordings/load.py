@@ -1,0 +1,219 @@
+"""Reads recordings: columns become channels in SI units, and everything that cannot be right is refused."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from jbridge.errors import InputError
+from jbridge.recordings.channels import Channels, read_channels
+from jbridge.recordings.checks import check_angle_unit
+from jbridge.recordings.csv_table import read_csv
+from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
+from jbridge.recordings.mat_table import read_mat
+from jbridge.recordings.parts import Parts, find_parts
+from jbridge.recordings.recording import INPUTS, MEASURED, Recording
+from jbridge.recordings.resolution import estimate_resolution
+from jbridge.recordings.sidecar import Sidecar, find_sidecar
+from jbridge.recordings.table import Table
+
+PathLike = str | os.PathLike[str]
+
+
+def load_recording(
+    path: PathLike, *, inputs_only: bool = False, sidecar: PathLike | None = None
+) -> Recording:
+    """Returns the recording in a CSV or .mat file, with what its sidecar declares.
+
+    Args:
+        path: The file; its sidecar is `NAME.toml` beside it, or a table in the folder's `recordings.toml`.
+        inputs_only: Whether measured channels may be absent, as in the input of a simulation.
+        sidecar: A sidecar elsewhere, of either form, for a recording in a folder that is not one's own.
+
+    Raises:
+        InputError: on whatever cannot be a recording: one line with file, row, column and what to do.
+    """
+    return read(path, inputs_only, sidecar).recording
+
+
+def load_recordings(
+    paths: Sequence[PathLike], *, inputs_only: bool = False, sidecar: PathLike | None = None
+) -> tuple[Recording, ...]:
+    """Returns several recordings of one rig, checked against each other.
+
+    A channel at rest does not show whether its sensor is slower than the log. Where the other recordings
+    agree that it is, it is taken to be so here, too.
+
+    Raises:
+        InputError: as `load_recording`; also for a file named twice, and for an input in two units.
+    """
+    seen: set[Path] = set()
+    for path in paths:
+        resolved = Path(path).resolve()
+        if resolved in seen:
+            raise InputError(f"{path}: the recording is named twice; name it once")
+        seen.add(resolved)
+    readings = [read(path, inputs_only, sidecar) for path in paths]
+    for name in INPUTS:
+        first: dict[str, PathLike] = {}
+        for path, reading in zip(paths, readings, strict=True):
+            unit = reading.recording.units.get(name)
+            if unit and first and unit not in first:
+                other, before = next(iter(first.items()))
+                raise InputError(
+                    f"{path}, column {name}: in {unit}, but in {other} in {before}; a gain has one unit:"
+                    " declare the same for all recordings"
+                )
+            if unit:
+                first.setdefault(unit, path)
+    return tuple(share_holds(reading, readings) for reading in readings)
+
+
+def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
+    """Returns the inputs (`u_x`, `u_l`) that some recording has and that change in none of them."""
+    found = set()
+    for name in INPUTS:
+        inputs = [values for recording in recordings if (values := getattr(recording, name)) is not None]
+        if inputs and all(np.ptp(values) == 0 for values in inputs):
+            found.add(name)
+    return found
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A recording, and what it shows about the rate of each of its sensors."""
+
+    recording: Recording
+    holds: dict[str, Hold]
+
+
+def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading:
+    path = Path(path)
+    table = read_table(path)
+    declared = find_sidecar(path, None if sidecar is None else Path(sidecar))
+    channels = read_channels(path, table, declared)
+    parts = find_parts(path, channels, declared, inputs_only)
+    times, values = channels.values["t"], channels.values
+    if "psi" in values:
+        length = values.get("l", parts.locked_length)
+        if length is not None:
+            check_angle_unit(
+                channels.error, times, values["psi"], values.get("x"), np.broadcast_to(length, times.shape)
+            )
+    measured = {name: values[name] for name in MEASURED if name in values}
+    resolution = {
+        name: declared.resolution[name] if name in declared.resolution else estimate_resolution(samples)
+        for name, samples in measured.items()
+    }
+    holds = {
+        name: declared_hold(times, samples, resolution[name], declared.hold[name])
+        if name in declared.hold
+        else detect_hold(times, samples, resolution[name])
+        for name, samples in measured.items()
+    }
+    recording = Recording(
+        name=path.name,
+        times=read_only(times),
+        fresh={name: read_only(fresh_rows(times, measured[name], hold)) for name, hold in holds.items()},
+        resolution=resolution,
+        units={name: unit for name, unit in channels.units.items() if name not in parts.unused},
+        locked_length=parts.locked_length,
+        override=dict(declared.override),
+        initial=dict(declared.initial),
+        extras={name: read_only(column) for name, column in all_extras(channels, parts).items()},
+        notes=(*channels.notes, *parts.notes, *describe(channels, declared, resolution, holds)),
+        **{
+            name: read_only(values[name]) if name in values and name not in parts.unused else None
+            for name in (*INPUTS, *MEASURED)
+        },
+    )
+    return Reading(recording, holds)
+
+
+def read_table(path: Path) -> Table:
+    """Returns the columns of a file, or refuses what is no file that can be read."""
+    if path.suffix.lower() == ".toml":
+        raise InputError(f"{path}: a TOML file, not a recording; name the .csv or .mat that it belongs to")
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the name and the folder") from None
+    except IsADirectoryError:
+        raise InputError(
+            f"{path}: a folder, not a recording; name its files, such as {path / '*.csv'}"
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the file's permissions") from None
+    return (read_mat if path.suffix.lower() == ".mat" else read_csv)(path, content)
+
+
+def read_only(values: np.ndarray) -> np.ndarray:
+    values = np.ascontiguousarray(values)
+    values.setflags(write=False)
+    return values
+
+
+def all_extras(channels: Channels, parts: Parts) -> dict[str, np.ndarray]:
+    return channels.extras | {name: channels.values[name] for name in parts.unused}
+
+
+def describe(
+    channels: Channels, declared: Sidecar, resolution: dict[str, float], holds: dict[str, Hold]
+) -> list[str]:
+    """Returns the sentences on what the numbers themselves show."""
+    notes = [f"Declarations come from {declared.source}."] if declared.source else []
+    times = channels.values["t"]
+    period, longest = float(np.median(np.diff(times))), float(np.diff(times).max())
+    if period > 1:
+        notes.append(
+            f"There is one row per {period:.3g} s; if the time is in ms, declare it:"
+            ' t = {column = "t", unit = "ms"}.'
+        )
+    if longest > 10 * period:
+        moment = times[np.diff(times).argmax()]
+        notes.append(
+            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it."
+        )
+    if "psi" in channels.values:
+        angle = abs(float(np.median(channels.values["psi"])))
+        if abs(angle % (2 * np.pi) - np.pi) < 0.3:
+            notes.append(
+                f"The angle rests near {angle:.3g} rad; if its zero is upright, declare the reading at"
+                " hanging as the offset of psi."
+            )
+    for name, hold in holds.items():
+        size, unit = resolution[name], "rad" if name == "psi" else "m"
+        if name not in declared.resolution and size > 0:
+            notes.append(f"The values of {name} lie on a grid of {size:.4g} {unit}, taken as its count.")
+        if hold.held:
+            notes.append(
+                held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows")
+            )
+    return notes
+
+
+def held_note(name: str, hold: Hold, how: str) -> str:
+    rate = f" about every {hold.period * 1000:.0f} ms" if hold.period else ""
+    return (
+        f"The sensor of {name} gives a new sample{rate} and repeats it in between, {how};"
+        " repeats are not counted."
+    )
+
+
+def share_holds(reading: Reading, readings: Sequence[Reading]) -> Recording:
+    """Returns the recording, its undecided channels taken as held where all that decide say so."""
+    recording = reading.recording
+    for name, hold in reading.holds.items():
+        decided = [other.holds[name] for other in readings if name in other.holds]
+        decided = [other for other in decided if other.held is not None]
+        if hold.held is not None or not decided or not all(other.held for other in decided):
+            continue
+        periods = [other.period for other in decided if other.period > 0]
+        shared = Hold(True, float(np.median(periods)) if periods else 0.0)
+        values = getattr(recording, name)
+        fresh = read_only(fresh_rows(recording.times, values, shared))
+        note = held_note(name, shared, "as in the other recordings")
+        recording = replace(recording, fresh=recording.fresh | {name: fresh}, notes=(*recording.notes, note))
+    return recording

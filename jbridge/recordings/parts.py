@@ -1,0 +1,118 @@
+"""Decides from the channels of a recording which parts the rig has: cart, swing, hoist, or a locked rope."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jbridge.errors import InputError
+from jbridge.recordings.channels import Channels
+from jbridge.recordings.sidecar import Sidecar
+
+MOST_MOTION = 0.02
+"""A rope whose length varies by more than this [m] is not locked."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The rope of a recording, and which channels say nothing about a part that is there."""
+
+    locked_length: float | None
+    """Length of the locked rope [m]; None with a driven hoist or without a load."""
+    unused: frozenset[str]
+    """Inputs without a part that they move."""
+    notes: tuple[str, ...]
+
+
+def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: bool) -> Parts:
+    """Returns what the channels say about the parts of the rig.
+
+    - `x` and `u_x` mean a cart. Without `x` the load hangs from a fixed point.
+    - `psi`, or `l` beside `x`, means a load that swings.
+    - `u_l` means a driven hoist. Without it the rope is locked, at `[locked] l` or at the median of `l`.
+
+    With `inputs_only` measured channels may be absent, since the parts come from a model.
+
+    Raises:
+        InputError: where channels contradict each other, or where one is missing.
+    """
+    values, header = channels.values, channels.table.header
+    sidecar_name = path.with_suffix(".toml").name
+    notes: list[str] = []
+    unused: set[str] = set()
+    if "x" in values and "u_x" not in values:
+        raise InputError(
+            f"{header}: a column x but no u_x; add the input of the cart's drive (zeros if the motor was off)"
+            f', or map it in {sidecar_name}: [columns] u_x = {{column = "...", unit = "V"}}'
+        )
+    if not inputs_only:
+        require_measurement(header, values)
+        if "u_x" in values and "x" not in values:
+            unused.add("u_x")
+            notes.append(
+                "There is no x, so the load is taken to hang from a fixed point and u_x is not used."
+            )
+    if "u_l" in values and declared.locked is not None:
+        if np.ptp(values["u_l"]) > 0:
+            raise InputError(
+                f"{header}: u_l varies, but {declared.source} declares a locked rope; remove [locked], or"
+                " leave the input out: [columns] u_l = false"
+            )
+        unused.add("u_l")
+        notes.append("The rope is declared locked, so u_l, which never changes, is not used.")
+    elif "u_l" in values and "l" not in values and not inputs_only:
+        raise InputError(
+            f"{header}: a column u_l but no l; add the rope length, or, if the rope was locked, leave the"
+            f" input out in {sidecar_name}: [columns] u_l = false and [locked] l = 0.7 (its length)"
+        )
+    if "u_l" in values and "u_l" not in unused:
+        return Parts(None, frozenset(unused), tuple(notes))
+    length, how = locked_length(path, channels, declared, inputs_only)
+    return Parts(length, frozenset(unused), (*notes, how) if how else tuple(notes))
+
+
+def require_measurement(header: str, values: dict[str, np.ndarray]) -> None:
+    if not values.keys() & {"x", "psi", "l"}:
+        raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l)")
+    if not values.keys() & {"x", "psi", "u_l"}:
+        raise InputError(
+            f"{header}: a rope length l, but nothing that moves; add u_l for a hoist, or psi for a swing"
+        )
+
+
+def locked_length(
+    path: Path, channels: Channels, declared: Sidecar, inputs_only: bool
+) -> tuple[float | None, str]:
+    """Returns the length of a locked rope [m], if a load is there, and a sentence on where it comes from."""
+    values = channels.values
+    length = values.get("l")
+    if length is not None and np.ptp(length) > MOST_MOTION:
+        middle = np.median(length)
+        raise channels.error(
+            int(np.abs(length - middle).argmax()),
+            "l",
+            f"without u_l the rope is locked, but its length varies by {np.ptp(length) * 1000:.0f} mm, over"
+            f" {MOST_MOTION * 1000:.0f}; map the hoist's input to u_l, or leave the length out in"
+            f" {path.with_suffix('.toml').name}: [columns] l = false and [locked] l = 0.7 (its length)",
+        )
+    load = "psi" in values or length is not None
+    if not load and not inputs_only:
+        ignored = " [locked] is not used." if declared.locked is not None else ""
+        return None, f"There is neither psi nor l, so the cart is taken to be alone.{ignored}"
+    if declared.locked is not None:
+        return declared.locked, f"The rope is locked at {declared.locked:g} m, as declared."
+    if length is not None:
+        middle = float(np.median(length))
+        return middle, (
+            f"There is no u_l, so the rope is taken as locked at {middle:.4g} m, the median of l, which"
+            f" varies by {np.ptp(length) * 1000:.2g} mm."
+        )
+    if inputs_only and "l" in declared.initial:
+        start = declared.initial["l"]
+        return start, f"There is no u_l, so the rope is taken as locked at its initial length, {start:g} m."
+    if "psi" in values:
+        raise InputError(
+            f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; write it"
+            f" in {path.with_suffix('.toml').name}: [locked] l = 0.7 (in m, pivot to load centre)"
+        )
+    return None, ""

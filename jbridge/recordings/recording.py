@@ -1,0 +1,79 @@
+"""One recording of a rig: what was commanded and what was measured, in SI units."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MEASURED = ("x", "psi", "l")
+"""Names of the measured channels, those of the axes."""
+INPUTS = ("u_x", "u_l")
+"""Names of the inputs: of the cart's drive and of the hoist's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Inputs and measurements of one run; its arrays are read-only and all of the length of `times`.
+
+    Which channels are absent says which parts the rig has: see `has_cart`, `has_swing` and `has_hoist`.
+    """
+
+    name: str
+    """File name, such as `train-1.csv`."""
+    times: np.ndarray
+    """Times of the rows [s], strictly increasing, as in the file: not shifted to start at 0."""
+    u_x: np.ndarray | None
+    """Input of the cart's drive, in `units["u_x"]`, held from one row to the next."""
+    u_l: np.ndarray | None
+    """Input of the hoist's drive, in `units["u_l"]`; absent where the rope is locked."""
+    x: np.ndarray | None
+    """Measured cart position [m]."""
+    psi: np.ndarray | None
+    """Measured swing angle [rad], not wrapped."""
+    l: np.ndarray | None
+    """Measured rope length [m]; also with a locked rope, since a constant reading may carry an offset."""
+    fresh: dict[str, np.ndarray]
+    """Per measured channel: True where a row has a new sample, False where a slower sensor repeats one."""
+    resolution: dict[str, float]
+    """Per measured channel: size of one count [m, rad], declared or estimated; 0 where none can be seen."""
+    units: dict[str, str]
+    """Unit of each input present: V, A, % or count."""
+    locked_length: float | None
+    """Rope length [m] where a load swings on a locked rope."""
+    override: dict[str, float]
+    """Parameters of the model that hold for this run alone."""
+    initial: dict[str, float]
+    """State at the start, as declared for `simulate`: any of x [m], psi [rad], l [m]."""
+    extras: dict[str, np.ndarray]
+    """Other columns of the file, by name, in the units of the file."""
+    notes: tuple[str, ...]
+    """What was detected or assumed, each one sentence for the rig's owner."""
+
+    @property
+    def start(self) -> float:
+        """Time of the first row [s]."""
+        return float(self.times[0])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def period(self) -> float:
+        """Median time from one row to the next [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
+    def has_cart(self) -> bool:
+        """Whether a cart moves: without `x`, the pendulum hangs from a fixed point."""
+        return self.x is not None
+
+    @property
+    def has_swing(self) -> bool:
+        """Whether a load swings: without `psi` and `l` the cart is alone, with only `l` the hoist is."""
+        return self.psi is not None or (self.x is not None and self.l is not None)
+
+    @property
+    def has_hoist(self) -> bool:
+        """Whether the rope is wound: without `u_l` it is locked."""
+        return self.u_l is not None

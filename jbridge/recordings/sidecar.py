@@ -1,0 +1,260 @@
+"""What a rig's owner declares beside a recording: `NAME.toml`, or a table in the folder's `recordings.toml`.
+
+A folder's file has one table per recording, under its quoted name or a pattern that several share:
+
+    ["train-1.csv".columns]
+    x = {column = "cart_mm", unit = "mm"}
+
+    ["hoist_*.csv".override]
+    load_mass = 0.25
+"""
+
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from math import isfinite
+from pathlib import Path
+
+from jbridge.errors import InputError, listed, quoted
+from jbridge.recordings.columns import CHANNELS, UNITS, Column, plain_column
+from jbridge.recordings.recording import INPUTS, MEASURED
+
+SECTIONS = ("columns", "hold", "resolution", "override", "trim", "initial", "locked")
+FOLDER_FILE = "recordings.toml"
+PARAMETERS = (
+    "cart_mass",
+    "load_mass",
+    "winch_mass",
+    "gravity",
+    "cart_damping",
+    "swing_damping",
+    "hoist_damping",
+    "cart_gain",
+    "hoist_gain",
+)
+"""What `[override]` may set: the parameters under `[bridge]` in a model file."""
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """Declarations for one recording; without a file, none."""
+
+    source: str = ""
+    """Where they stand: the file and, in a folder's file, the table."""
+    columns: Mapping[str, Column | None] = field(default_factory=dict)
+    """Column of each declared channel; None where the file's column of that name is to be left out."""
+    hold: Mapping[str, bool] = field(default_factory=dict)
+    """Per channel, whether its sensor is slower than the log."""
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    """Per channel, the size of one count [m, rad]."""
+    override: Mapping[str, float] = field(default_factory=dict)
+    """Parameters of the model for this run."""
+    initial: Mapping[str, float] = field(default_factory=dict)
+    """State at the start of a simulation [m, rad]."""
+    locked: float | None = None
+    """Length of a locked rope [m]."""
+    start: float = float("-inf")
+    """Rows before this time are left out [s], by the file's own clock."""
+    stop: float = float("inf")
+    """Rows after this time are left out [s]."""
+
+    def column(self, channel: str) -> Column | None:
+        """Returns the column of a channel: the declared one, else the one of its name in SI units."""
+        return self.columns[channel] if channel in self.columns else plain_column(channel)
+
+
+def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
+    """Returns what is declared for a recording: `NAME.toml` beside it, else its table in `recordings.toml`.
+
+    Args:
+        path: The recording.
+        given: A file to read instead, of either form.
+
+    Raises:
+        InputError: naming the file and the key.
+    """
+    own, folder = path.with_suffix(".toml"), path.with_name(FOLDER_FILE)
+    for candidate in (given,) if given is not None else (own, folder):
+        if given is None and not candidate.is_file():
+            continue
+        document = read_toml(candidate)
+        if candidate is not folder and not is_folder_file(candidate, document):
+            return parse_sidecar(Where(str(candidate)), document)
+        table = table_for(path, candidate, document)
+        if table is not None:
+            return parse_sidecar(*table)
+    return Sidecar()
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
+    except (ValueError, RecursionError) as error:  # besides syntax: a number too long, brackets too deep
+        raise InputError(f"{path}: not TOML ({error}); correct that line") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def is_folder_file(path: Path, document: Mapping[str, object]) -> bool:
+    """Says which of the two forms a file has, where its name leaves that open."""
+    named = path.name == FOLDER_FILE or any(key.endswith((".csv", ".mat")) for key in document)
+    return named and not document.keys() & set(SECTIONS)
+
+
+def table_for(
+    path: Path, file: Path, document: Mapping[str, object]
+) -> "tuple[Where, dict[str, object]] | None":
+    """Returns a recording's own table in a folder's file, else that of the one pattern that fits its name."""
+    for key, value in document.items():
+        if key in SECTIONS:
+            raise InputError(
+                f"{file}: [{key}] stands outside any recording's table; write"
+                f' ["{path.name}".{key}], or ["*{path.suffix}".{key}] for all'
+            )
+        if isinstance(value, dict) and value.keys() <= {"csv", "mat"} and value:
+            ending = next(iter(value))
+            raise InputError(
+                f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]'
+            )
+    fitting = [path.name] if path.name in document else []
+    fitting = fitting or [key for key in document if fnmatchcase(path.name, key)]
+    if len(fitting) > 1:
+        raise InputError(
+            f"{file}: the tables {listed(map(quoted, fitting))} all fit {path.name}; keep one, or write"
+            f' ["{path.name}"]'
+        )
+    if not fitting:
+        return None
+    where = Where(f'{file}, table "{fitting[0]}"')
+    return where, where.table(document, fitting[0])
+
+
+@dataclass(frozen=True)
+class Where:
+    """A place in a TOML file; takes values out of its table and refuses what does not fit."""
+
+    place: str
+
+    def error(self, problem: str) -> InputError:
+        return InputError(f"{self.place}: {problem}")
+
+    def within(self, section: str) -> "Where":
+        return Where(f"{self.place}, [{section}]")
+
+    def check_keys(self, table: Mapping[str, object], known: tuple[str, ...]) -> None:
+        for key in table:
+            if key not in known:
+                close = get_close_matches(key, known, 1)
+                hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
+                raise self.error(f"unknown key {quoted(key)}; {hint}")
+
+    def table(self, parent: Mapping[str, object], key: str) -> dict[str, object]:
+        value = parent.get(key, {})
+        if not isinstance(value, dict):
+            raise self.error(f"{key} must be a table, not {quoted(str(value))}; write [{key}]")
+        return value
+
+    def number(self, table: Mapping[str, object], key: str, *, positive: bool = False) -> float:
+        value = table[key]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(f"{key} must be a number, not {quoted(str(value))}")
+        if abs(value) > sys.float_info.max or not isfinite(value) or (positive and value <= 0):
+            raise self.error(f"{key} must be {'above 0' if positive else 'finite'}, not {quoted(str(value))}")
+        return float(value)
+
+    def numbers(
+        self, table: Mapping[str, object], known: tuple[str, ...], *, positive: tuple[str, ...] = ()
+    ) -> dict[str, float]:
+        self.check_keys(table, known)
+        return {key: self.number(table, key, positive=key in positive) for key in table}
+
+
+def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
+    """Returns the declarations of one table; every key must be known and every value of the right kind."""
+    where.check_keys(document, SECTIONS)
+    tables = {section: (where.within(section), where.table(document, section)) for section in SECTIONS}
+    trim_where, trim_table = tables["trim"]
+    trim = trim_where.numbers(trim_table, ("start", "stop"))
+    start, stop = trim.get("start", float("-inf")), trim.get("stop", float("inf"))
+    if start >= stop:
+        raise trim_where.error(
+            f"start = {start:g} is not before stop = {stop:g}; give both in seconds of the file"
+        )
+    locked_where, locked_table = tables["locked"]
+    hold_where, hold_table = tables["hold"]
+    override_where, override_table = tables["override"]
+    initial_where, initial_table = tables["initial"]
+    resolution_where, resolution_table = tables["resolution"]
+    return Sidecar(
+        source=where.place,
+        columns=dict(parse_columns(*tables["columns"])),
+        hold=parse_flags(hold_where, hold_table),
+        resolution=resolution_where.numbers(resolution_table, MEASURED, positive=MEASURED),
+        override=override_where.numbers(override_table, PARAMETERS),
+        initial=initial_where.numbers(initial_table, MEASURED, positive=("l",)),
+        locked=locked_where.numbers(locked_table, ("l",), positive=("l",)).get("l"),
+        start=start,
+        stop=stop,
+    )
+
+
+def parse_flags(where: Where, table: Mapping[str, object]) -> dict[str, bool]:
+    where.check_keys(table, MEASURED)
+    flags = {}
+    for key, value in table.items():
+        if not isinstance(value, bool):
+            raise where.error(f"{key} must be true or false, not {quoted(str(value))}")
+        flags[key] = value
+    return flags
+
+
+def parse_columns(where: Where, table: Mapping[str, object]) -> Iterator[tuple[str, Column | None]]:
+    where.check_keys(table, CHANNELS)
+    for channel, value in table.items():
+        if isinstance(value, str):
+            yield channel, Column(value, plain_column(channel).unit)
+        elif isinstance(value, dict):
+            yield channel, parse_column(Where(f"{where.place}, {channel}"), channel, value)
+        elif value is False and channel != "t":
+            yield channel, None
+        else:
+            raise where.error(
+                f"{channel} must be a column's name, a table such as"
+                f' {{column = "...", unit = "..."}}, or false; not {quoted(str(value))}'
+            )
+
+
+def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Column:
+    """Returns how a channel's column is read, from a table such as `{column = "theta", unit = "deg"}`."""
+    where.check_keys(table, ("column", "unit", "sign", "offset", "scale"))
+    name = table.get("column", channel)
+    if not isinstance(name, str):
+        raise where.error(f"column must be a column's name, not {quoted(str(name))}")
+    scaled = "scale" in table
+    unit = table.get("unit", "count" if scaled else plain_column(channel).unit)
+    known = (*UNITS[channel], "count") if scaled else tuple(UNITS[channel])
+    if scaled and channel in INPUTS:
+        raise where.error(
+            "an input takes no scale; give its unit (V, A, % or count), and its gain carries it"
+        )
+    if scaled and unit != "count":
+        raise where.error(f'scale is the size of one count: write unit = "count", not {quoted(str(unit))}')
+    if unit == "count" and not scaled and channel not in INPUTS:
+        raise where.error("unit count needs the size of one count in SI units, such as scale = 5.5e-5")
+    if not isinstance(unit, str) or unit not in known:
+        raise where.error(f"unknown unit {quoted(str(unit))}; known for {channel} are {', '.join(known)}")
+    sign = where.number(table, "sign") if "sign" in table else 1.0
+    if sign not in (1.0, -1.0):
+        raise where.error(f"sign must be 1 or -1, not {sign:g}; a factor belongs into the unit or into scale")
+    return Column(
+        name,
+        unit,
+        sign,
+        where.number(table, "offset") if "offset" in table else 0.0,
+        where.number(table, "scale", positive=True) if scaled else None,
+    )

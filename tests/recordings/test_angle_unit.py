@@ -1,0 +1,90 @@
+"""An angle in degrees that is said to be in radians is refused; a load that goes over the top is not."""
+
+import re
+
+import numpy as np
+import pytest
+
+from jbridge.recordings import load_recording
+
+
+def swing(
+    amplitude: float, length: float, rows: int = 4000, spin: float = 0.0, cart: float = 0.0, pace: float = 3.0
+) -> dict:
+    """Returns a load's swing below a cart that moves to and fro, integrated in steps of 1 ms."""
+    t = np.arange(rows) * 0.005
+    x = cart * np.sin(pace * t)
+    psi, rate, angles = amplitude, spin, []
+    for moment in t:
+        angles.append(psi)
+        for step in range(5):
+            push = -(pace**2) * cart * np.sin(pace * (moment + step / 1000))
+            rate -= 0.001 * ((9.81 * np.sin(psi) + push * np.cos(psi)) / length + 0.05 * rate)
+            psi += 0.001 * rate
+    columns = {"t": t, "psi": np.array(angles), "l": np.full(rows, length)}
+    return {**columns, "u_x": 0 * t, "x": x} if cart else columns
+
+
+SWINGS = {
+    "small": swing(0.08, 0.7),
+    "short rope": swing(0.08, 0.15),
+    "driven": swing(0.0, 0.7, cart=0.3),
+    "shaken": swing(0.0, 0.15, cart=0.3, pace=12.0),  # at 4 g
+    "wide": swing(1.5, 0.7),
+    "from upright": swing(3.14, 0.32),
+    "several turns": swing(0.0, 0.32, spin=40.0),
+    "short": swing(0.2, 0.7, rows=250),
+}
+
+
+@pytest.mark.parametrize("columns", SWINGS.values(), ids=SWINGS)
+@pytest.mark.parametrize("offset", [0.0, np.pi])
+def test_degrees_are_told_from_radians(write, columns, offset, refusal):
+    """Every one of these swings passes in radians, and none does in degrees, wherever the angle's zero is."""
+    shifted = {**columns, "psi": columns["psi"] + offset}
+    assert load_recording(write(shifted)).has_swing
+    message = refusal(write({**shifted, "psi": np.rad2deg(shifted["psi"])}))
+    assert re.search(r"row \d+, column psi: .*degrees.*unit = \"deg\"", message)
+
+
+def test_the_turning_load_turns(write):
+    """Or else the test above would say nothing about turns."""
+    assert SWINGS["several turns"]["psi"].max() > 4 * np.pi
+
+
+@pytest.mark.parametrize("zero", [-np.pi, 0.0, -1.0], ids=["-pi to pi", "0 to 2 pi", "-1 to 2 pi - 1"])
+def test_a_sensor_that_starts_again_at_each_turn(write, zero):
+    columns = SWINGS["several turns"]
+    psi = columns["psi"]
+    recording = load_recording(write({**columns, "psi": (psi - zero) % (2 * np.pi) + zero}))
+    turns = (recording.psi - psi) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns[0]), atol=1e-9)
+    assert any("jumps by a turn" in note for note in recording.notes)
+
+
+def test_an_angle_without_jumps_stays_as_it_is(write):
+    for columns in (SWINGS["several turns"], SWINGS["from upright"]):
+        recording = load_recording(write(columns))
+        np.testing.assert_array_equal(recording.psi, columns["psi"])
+        assert not any("turn" in note for note in recording.notes)
+
+
+def test_declared_degrees_become_radians(write):
+    columns = SWINGS["wide"]
+    sidecar = '[columns]\npsi = {unit = "deg", sign = -1, offset = 180}\n'
+    path = write({**columns, "psi": 180 - np.rad2deg(columns["psi"])}, sidecar)
+    np.testing.assert_allclose(load_recording(path).psi, columns["psi"], atol=1e-12)
+
+
+def test_noise_is_not_taken_for_degrees(write):
+    columns = SWINGS["small"]
+    noise = np.random.default_rng(0).normal(size=columns["t"].size)
+    glitches = np.where(np.arange(noise.size) % 97 == 0, 3.0, 0.0)
+    noisy = {**columns, "psi": columns["psi"] + 0.01 * noise + glitches}
+    assert load_recording(write(noisy)).has_swing
+
+
+def test_an_upright_zero_is_mentioned(write):
+    columns = SWINGS["small"]
+    notes = load_recording(write({**columns, "psi": columns["psi"] + np.pi})).notes
+    assert any("zero is upright" in note for note in notes)

@@ -1,0 +1,113 @@
+"""What a good recording gives, alone and among others."""
+
+import re
+
+import numpy as np
+import pytest
+
+from jbridge.errors import InputError
+from jbridge.recordings import Recording, constant_inputs, load_recording, load_recordings
+
+
+def test_a_whole_bridge(write, columns):
+    recording = load_recording(write(columns))
+    assert recording.name == "run.csv"
+    for name in ("u_x", "u_l", "x", "psi", "l"):
+        np.testing.assert_array_equal(getattr(recording, name), columns[name])
+    np.testing.assert_array_equal(recording.times, columns["t"])
+    assert recording.units == {"u_x": "V", "u_l": "V"}
+    assert (recording.has_cart, recording.has_swing, recording.has_hoist) == (True, True, True)
+    assert recording.locked_length is None
+    assert all(fresh.all() for fresh in recording.fresh.values())
+    assert recording.fresh.keys() == recording.resolution.keys() == {"x", "psi", "l"}
+    assert recording.resolution == {"x": 0.0, "psi": 0.0, "l": 0.0}
+    assert (recording.override, recording.initial, recording.extras, recording.notes) == ({}, {}, {}, ())
+
+
+def test_times_stay_as_in_the_file(write, columns):
+    columns["t"] = columns["t"] + 17.5
+    columns["t"][100:] += 0.5  # a gap
+    recording = load_recording(write(columns))
+    assert recording.start == 17.5
+    assert recording.duration == pytest.approx(399 * 0.005 + 0.5)
+    assert recording.period == pytest.approx(0.005)
+    assert any("longest gap between rows is 0.505 s, at 17.995 s" in note for note in recording.notes)
+
+
+def test_arrays_cannot_be_changed(write, columns):
+    recording = load_recording(write({**columns, "x_ref": columns["x"]}))
+    for values in (recording.times, recording.x, recording.extras["x_ref"], recording.fresh["x"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1
+
+
+def test_extra_columns_are_kept(write, columns):
+    recording = load_recording(write({**columns, "x_ref": 2 * columns["x"], "current": 0 * columns["x"]}))
+    assert recording.extras.keys() == {"x_ref", "current"}
+    np.testing.assert_array_equal(recording.extras["x_ref"], 2 * columns["x"])
+    assert any("x_ref, current" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: text.replace("\n", "\r\n").encode(),
+        lambda text: text.replace("\n", "\r").encode(),
+        lambda text: text.replace("\n", "\r\r\n").encode(),
+        lambda text: (text + "\n\n  \n").encode(),
+        lambda text: text.rstrip().encode(),
+        lambda text: text.replace(",", " , ").encode(),
+        lambda text: text.replace("psi", '"psi"').encode(),
+        lambda text: re.sub(r"[^,\n]+", r'"\g<0>"', text).encode(),
+    ],
+    ids=["bom", "crlf", "cr", "doubled-cr", "blank-end", "no-end", "spaces", "quoted-name", "quoted-all"],
+)
+def test_harmless_variants_of_the_format(write, lines, columns, change):
+    recording = load_recording(write(change("\n".join(lines) + "\n")))
+    np.testing.assert_array_equal(recording.psi, columns["psi"])
+    assert recording.times.size == 400
+
+
+def test_recordings_come_in_order(write, columns, chosen):
+    paths = [write(columns, name="b.csv"), write(chosen("t u_x x"), name="a.csv")]
+    recordings = load_recordings(paths)
+    assert [recording.name for recording in recordings] == ["b.csv", "a.csv"]
+    assert [recording.has_hoist for recording in recordings] == [True, False]
+    assert all(isinstance(recording, Recording) for recording in recordings)
+
+
+def test_a_recording_counts_once(write, columns):
+    path = write(columns)
+    with pytest.raises(InputError, match=r"run\.csv: the recording is named twice"):
+        load_recordings([path, path.parent / "." / path.name])
+
+
+def test_an_input_has_one_unit(write, columns):
+    one = write(columns, name="one.csv")
+    other = write(columns, '[columns]\nu_x = {unit = "A"}\n', name="other.csv", sidecar_name="other.toml")
+    with pytest.raises(InputError, match=r"other\.csv, column u_x: in A, but in V in .*one\.csv"):
+        load_recordings([one, other])
+
+
+def test_inputs_that_never_change_are_named(write, columns, chosen):
+    constant = {**columns, "u_x": np.full(400, 3.0), "u_l": np.zeros(400)}
+    still = load_recording(write(constant))
+    other = load_recording(write({**constant, "u_x": np.full(400, -1.0)}))
+    cart = load_recording(write(chosen("t u_x x")))
+    assert constant_inputs([still, other]) == {"u_x", "u_l"}
+    assert constant_inputs([still, cart]) == {"u_l"}
+    assert constant_inputs([cart]) == set()
+
+
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_clean_files_are_not_read_cell_by_cell(write, columns, monkeypatch, quote):
+    """Cell by cell takes several times as long, which shows in files of a few hundred thousand rows."""
+
+    def slow(*_: object) -> None:
+        raise AssertionError("a clean file was read cell by cell")
+
+    monkeypatch.setattr("jbridge.recordings.csv_table.parse_carefully", slow)
+    path = write(columns)
+    path.write_text(re.sub(r"[^,\n]+", rf"{quote}\g<0>{quote}", path.read_text()))
+    np.testing.assert_array_equal(load_recording(path).x, columns["x"])

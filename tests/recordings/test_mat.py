@@ -1,0 +1,224 @@
+"""MATLAB files give what the same columns in a CSV give; what is no vector is refused with a way out."""
+
+import struct
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from jbridge.errors import InputError
+from jbridge.recordings import load_recording
+
+
+@pytest.fixture
+def save(tmp_path):
+    """Writes variables as `run.mat` and returns its path."""
+
+    def to_file(variables: dict, **options: object):
+        path = tmp_path / "run.mat"
+        savemat(path, variables, **options)
+        return path
+
+    return to_file
+
+
+def same(recording, columns):
+    for name in ("u_x", "u_l", "x", "psi", "l"):
+        np.testing.assert_array_equal(getattr(recording, name), columns[name])
+    np.testing.assert_array_equal(recording.times, columns["t"])
+    return True
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"do_compression": True},
+        {"oned_as": "column"},
+        {"format": "4"},
+    ],
+    ids=["rows", "compressed", "columns", "v4"],
+)
+def test_vectors(save, columns, options):
+    recording = load_recording(save(columns, **options))
+    assert same(recording, columns)
+    assert recording.name == "run.mat"
+
+
+def test_a_struct_of_vectors(save, columns):
+    assert same(load_recording(save({"rec": columns})), columns)
+
+
+def test_vectors_beside_a_struct(save, columns):
+    t = columns.pop("t")
+    assert same(load_recording(save({"t": t, "rec": columns})), {**columns, "t": t})
+
+
+def test_integers_and_flags_are_numbers(save, columns):
+    columns["u_x"] = (columns["u_x"] > 0).astype(np.uint8)
+    columns["on"] = columns["u_l"] > 0
+    recording = load_recording(save(columns))
+    np.testing.assert_array_equal(recording.u_x, columns["u_x"])
+    assert recording.extras["on"].dtype == np.float64
+
+
+def structure_with_time(columns: dict, labels: dict | None = None) -> dict:
+    """Returns what Simulink's To Workspace block saves as "Structure With Time"."""
+    kind = [("values", object), ("dimensions", object), ("label", object)]
+    signals = np.zeros((1, len(columns) - 1), dtype=kind)
+    for place, name in enumerate(name for name in columns if name != "t"):
+        label = (labels or {}).get(name, name)
+        signals[0, place] = (columns[name].reshape(-1, 1), 1.0, label)
+    return {"time": columns["t"].reshape(-1, 1), "signals": signals, "blockName": "rig/To Workspace"}
+
+
+def test_structure_with_time(save, columns):
+    assert same(load_recording(save({"simout": structure_with_time(columns)})), columns)
+
+
+def test_a_signal_needs_a_label(save, columns):
+    path = save({"simout": structure_with_time(columns, {"x": ""})})
+    with pytest.raises(InputError, match=r"run\.mat, simout\.signals\(3\): .* no label.*label = 'x'"):
+        load_recording(path)
+
+
+def test_a_sidecar_maps_variables(save, columns, tmp_path):
+    columns["cart_mm"] = columns.pop("x") * 1e3
+    (tmp_path / "run.toml").write_text('[columns]\nx = {column = "cart_mm", unit = "mm"}\n')
+    np.testing.assert_allclose(load_recording(save(columns)).x * 1e3, columns["cart_mm"])
+
+
+def test_what_is_no_signal_is_left_aside(save, columns):
+    clutter = {
+        "Ts": 0.005,
+        "comment": "after lunch",
+        "K": np.eye(3),
+        "cells": np.array([1, "a"], dtype=object),
+        "coarse": np.arange(7.0),
+    }
+    recording = load_recording(save({**columns, **clutter}))
+    assert same(recording, columns)
+    assert recording.extras == {}
+    assert any("coarse" in note for note in recording.notes)
+
+
+def with_bad(columns, name, sample, value):
+    columns[name][sample] = value
+    return columns
+
+
+REFUSED = {
+    "no t": (lambda c: {"time": c["t"], "x": c["x"]}, ["no column t", "time, x", "run.toml"]),
+    "nothing": (lambda c: {"note": "hello"}, ["no column t", "no columns of numbers"]),
+    "x without u_x": (lambda c: {"t": c["t"], "x": c["x"]}, ["no u_x", "zeros"]),
+    "nan": (lambda c: with_bad(c, "x", 11, np.nan), ["row 12", "column x", "NaN", "delete the row"]),
+    "time": (lambda c: with_bad(c, "t", 11, 0.0), ["row 12", "column t", "increase"]),
+    "lengths": (lambda c: {**c, "x": c["x"][:-1]}, ["column x", "399 values", "t has 400"]),
+    "a number": (lambda c: {**c, "l": 0.7}, ["column l", "a single number", "vector"]),
+    "a matrix": (lambda c: {**c, "x": c["x"].reshape(2, -1)}, ["column x", "2 x 200", "vector"]),
+    "complex": (lambda c: {**c, "x": c["x"] * 1j}, ["column x", "complex"]),
+    "text": (lambda c: {**c, "x": "much"}, ["column x", "no array of numbers"]),
+    "struct array": (
+        lambda c: {**c, "x": np.zeros((1, 2), dtype=[("a", object)])},
+        ["column x", "an array of 2 structs"],
+    ),
+    "twice": (lambda c: {**c, "rec": {"x": c["x"]}}, ["column x", "twice", "rec"]),
+    "few": (lambda c: {name: values[:49] for name, values in c.items()}, ["49 samples", "at least 50"]),
+}
+
+
+@pytest.mark.parametrize(("change", "needles"), REFUSED.values(), ids=REFUSED)
+def test_refused(save, columns, change, needles):
+    with pytest.raises(InputError) as caught:
+        load_recording(save(change(columns)))
+    message = str(caught.value)
+    assert message.splitlines() == [message]
+    assert [needle for needle in ["run.mat", *needles] if needle not in message] == []
+
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1".ljust(512) + HDF5 + bytes(64),
+        bytes(512) + HDF5 + bytes(64),
+        HDF5 + bytes(64),
+    ],
+    ids=["matlab", "user-block", "plain"],
+)
+def test_v73_is_refused_with_the_line_that_converts(write, content):
+    with pytest.raises(InputError) as caught:
+        load_recording(write(content, name="run.mat"))
+    assert "v7.3" in str(caught.value)
+    assert "s = load('run.mat'); save('run_v7.mat', '-struct', 's', '-v7')" in str(caught.value)
+
+
+def opaque_object(name: str, kind: str) -> bytes:
+    """Returns a v5 file with a MATLAB object, as MATLAB writes one for a timeseries or a table.
+
+    The format's description leaves these out; this is what its reader expects: array flags with class 17, the
+    variable's name, the type system's and the class', and a matrix of references.
+    """
+
+    def element(code: int, content: bytes) -> bytes:
+        return struct.pack("<II", code, len(content)) + content + bytes(-len(content) % 8)
+
+    flags = element(6, struct.pack("<II", 17, 0))
+    texts = b"".join(element(1, text.encode()) for text in (name, "MCOS", kind))
+    references = element(
+        14,
+        element(6, struct.pack("<II", 13, 0))
+        + element(5, struct.pack("<ii", 1, 1))
+        + element(1, b"")
+        + element(6, struct.pack("<I", 7)),
+    )
+    header = (
+        b"MATLAB 5.0 MAT-file, written for a test".ljust(116) + bytes(8) + struct.pack("<HH", 0x0100, 0x4D49)
+    )
+    return header + element(14, flags + texts + references)
+
+
+@pytest.mark.parametrize(
+    ("kind", "line"),
+    [
+        ("timeseries", "t = log.Time; x = log.Data; save('run_v7.mat', 't', 'x', '-v7')"),
+        ("table", "s = table2struct(log, 'ToScalar', true); save('run_v7.mat', '-struct', 's', '-v7')"),
+        ("timetable", "s.t = seconds(s.Time)"),
+        ("Simulink.SimulationData.Dataset", "e = log.get('x').Values; t = e.Time; x = e.Data;"),
+        ("Simulink.SimulationOutput", "log.logsout.get('x')"),
+    ],
+)
+def test_objects_are_refused_with_the_line_that_converts(write, kind, line):
+    with pytest.raises(InputError) as caught:
+        load_recording(write(opaque_object("log", kind), name="run.mat"))
+    message = str(caught.value)
+    assert message.splitlines() == [message]
+    assert f"run.mat: log is a MATLAB object ({kind})" in message
+    assert line in message
+
+
+@pytest.mark.parametrize("content", [b"t,x\n0,1\n", b"<html>", bytes(300), b"MATLAB 5.0 MAT-file".ljust(200)])
+def test_what_is_no_mat_is_refused(write, content):
+    with pytest.raises(InputError, match=r"run\.mat: (not a MATLAB file|.*no column t)"):
+        load_recording(write(content, name="run.mat"))
+
+
+def test_an_empty_file_is_refused(write):
+    with pytest.raises(InputError, match=r"run\.mat: the file is empty"):
+        load_recording(write(b"", name="run.mat"))
+
+
+def test_damaged_files_are_refused(save, columns):
+    """Whatever a damaged byte makes the parser raise, it comes out as one line."""
+    path = save(columns, do_compression=True)
+    content = path.read_bytes()
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        damaged = bytearray(content[: random.integers(100, len(content))])
+        damaged[random.integers(len(damaged))] ^= 0xFF
+        path.write_bytes(damaged)
+        with pytest.raises(InputError) as caught:
+            load_recording(path)
+        assert len(str(caught.value).splitlines()) == 1

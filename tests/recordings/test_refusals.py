@@ -1,0 +1,156 @@
+"""Whatever cannot be a recording is refused with one line that says where and what to do."""
+
+import pytest
+
+from jbridge.recordings import load_recording
+
+
+def replaced(row: int, old: int, new: str):
+    """Returns an edit that puts `new` into cell `old` of a row of the file."""
+
+    def edit(lines: list[str]) -> str:
+        cells = lines[row - 1].split(",")
+        cells[old] = new
+        return "\n".join([*lines[: row - 1], ",".join(cells), *lines[row:]])
+
+    return edit
+
+
+def line_replaced(row: int, edit):
+    return lambda lines: "\n".join([*lines[: row - 1], edit(lines[row - 1]), *lines[row:]])
+
+
+def german(lines: list[str], separator: str) -> str:
+    return "\n".join(line.replace(",", separator).replace(".", ",") for line in lines)
+
+
+REFUSED = {
+    "empty": (lambda lines: "", ["empty", "export the run again"]),
+    "blank": (lambda lines: " \n\n", ["empty"]),
+    "header only": (lambda lines: lines[0], ["row 1", "only a header", "record the run again"]),
+    "no header": (lambda lines: "\n".join(lines[1:]), ["row 1", "names of the columns", "t,u_x"]),
+    "png": (lambda lines: b"\x89PNG\r\n\x1a\n\x00\x00", ["binary", "comma-separated text"]),
+    "zip": (lambda lines: b"PK\x03\x04" + bytes(100), ["binary", "comma-separated text"]),
+    "mat inside": (lambda lines: b"MATLAB 5.0 MAT-file, written", ["MATLAB", ".mat"]),
+    "html": (lambda lines: "\n<!DOCTYPE html><html></html>", ["web page", "download the file itself"]),
+    "utf-16": (lambda lines: "\n".join(lines).encode("utf-16"), ["UTF-16", "CSV UTF-8"]),
+    "latin-1": (
+        lambda lines: "\n".join([lines[0] + ",Höhe", *(line + ",1" for line in lines[1:])]).encode("latin-1"),
+        ["row 1", "0xf6", "CSV UTF-8"],
+    ),
+    "latin-1 later": (
+        lambda lines: "\n".join([*lines[:30], lines[30] + "°", *lines[31:]]).encode("latin-1"),
+        ["row 31", "0xb0", "UTF-8"],
+    ),
+    "semicolons": (
+        lambda lines: "\n".join(lines).replace(",", ";"),
+        ["row 1", "semicolons", "sed 's/;/,/g' run.csv > converted.csv"],
+    ),
+    "tabs": (
+        lambda lines: "\n".join(lines).replace(",", "\t"),
+        ["row 1", "tabs", r"sed 's/\t/,/g' run.csv > converted.csv"],
+    ),
+    "semicolons and decimal commas": (
+        lambda lines: german(lines, ";"),
+        ["row 1", "decimal commas", "sed 's/,/./g; s/;/,/g' run.csv > converted.csv"],
+    ),
+    "tabs and decimal commas": (
+        lambda lines: german(lines, "\t"),
+        ["row 1", "decimal commas", r"sed 's/,/./g; s/\t/,/g' run.csv > converted.csv"],
+    ),
+    "decimal commas without quotes": (
+        lambda lines: "\n".join([lines[0], *(line.replace(".", ",") for line in lines[1:])]),
+        ["row 2", "12 cells for 6 columns", "decimal points"],
+    ),
+    "a quoted decimal comma": (replaced(9, 3, '"0,25"'), ["row 9", "column x", "0,25", "decimal points"]),
+    "no t": (
+        line_replaced(1, lambda line: line.replace("t,", "time,", 1)),
+        ["row 1", "no column t", "time, u_x", "run.toml", "[columns]"],
+    ),
+    "x without u_x": (
+        line_replaced(1, lambda line: line.replace("u_x", "voltage")),
+        ["row 1", "no u_x", "run.toml", "zeros"],
+    ),
+    "u_l without l": (
+        line_replaced(1, lambda line: line[:-1] + "length"),
+        ["row 1", "u_l but no l", "run.toml", "[locked] l = 0.7"],
+    ),
+    "duplicate column": (
+        line_replaced(1, lambda line: line.replace("psi", "x")),
+        ["row 1", "column x", "column 4 and 5", "rename"],
+    ),
+    "unnamed column": (
+        line_replaced(1, lambda line: line.replace("psi", " ")),
+        ["row 1", "column 5", "no name", "delete"],
+    ),
+    "short row": (
+        line_replaced(17, lambda line: line.rsplit(",", 1)[0]),
+        ["row 17", "5 cells for 6 columns", "delete the row"],
+    ),
+    "long row": (line_replaced(17, lambda line: line + ",1"), ["row 17", "7 cells for 6 columns"]),
+    "every row long": (
+        lambda lines: "\n".join([lines[0], *(line + ",1" for line in lines[1:])]),
+        ["row 2", "7 cells for 6 columns"],
+    ),
+    "text": (replaced(40, 4, "off"), ["row 40", "column psi", "'off' is text", "correct or delete"]),
+    "long text": (replaced(40, 4, "a" * 5000), ["row 40", "column psi", "aaa..."]),
+    "escape in text": (replaced(40, 4, "\x1b[31mred"), ["row 40", "column psi"]),
+    "line separator in text": (replaced(40, 4, "a\u2028b"), ["row 40", "column psi"]),
+    "underscore": (replaced(40, 4, "1_0"), ["row 40", "column psi", "'1_0' is text"]),
+    "empty cell": (replaced(41, 4, ""), ["row 41", "column psi", "empty", "a gap is a missing row"]),
+    "empty last cell": (replaced(401, 5, ""), ["row 401", "column l", "empty"]),
+    "nan": (replaced(42, 3, "NaN"), ["row 42", "column x", "NaN", "delete the row"]),
+    "nan in time": (replaced(42, 0, "nan"), ["row 42", "column t", "NaN", "delete the row"]),
+    "infinite": (replaced(43, 1, "-inf"), ["row 43", "column u_x", "infinite", "delete the row"]),
+    "overflow": (replaced(43, 1, "1e999"), ["row 43", "column u_x", "infinite"]),
+    "beyond 1e6": (replaced(44, 3, "-1.5e6"), ["row 44", "column x", "-1.5e+06", "beyond 1e6", "unit"]),
+    "unix time": (
+        lambda lines: "\n".join([lines[0], *("1700000" + line for line in lines[1:])]),
+        ["row 2", "column t", "beyond 1e6", "offset"],
+    ),
+    "equal times": (replaced(50, 0, "0.23500000000000001"), ["row 50", "column t", "the same", "delete"]),
+    "falling times": (replaced(50, 0, "0.1"), ["row 50", "column t", "0.1", "before", "one run in a file"]),
+    "49 samples": (lambda lines: "\n".join(lines[:50]), ["49 samples", "at least 50", "longer"]),
+    "zero length": (replaced(60, 5, "0"), ["row 60", "column l", "length of 0 m", "pivot"]),
+    "negative length": (replaced(60, 5, "-0.7"), ["row 60", "column l", "-0.7 m", "sign"]),
+    "blank rows keep the numbering": (
+        lambda lines: "\n".join([lines[0], "", "", *lines[1:10], "", lines[10] + "x", *lines[11:]]),
+        ["row 14", "column l", "is text"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("edit", "needles"), REFUSED.values(), ids=REFUSED)
+def test_refused(write, lines, edit, needles, refusal):
+    message = refusal(write(edit(lines)))
+    assert [needle for needle in needles if needle not in message] == []
+    assert message.isprintable()
+
+
+def test_fifty_samples_will_do(write, lines):
+    assert load_recording(write("\n".join(lines[:51]))).times.size == 50
+
+
+def test_a_million_will_do(write, columns):
+    columns["u_x"][7] = 1e6
+    assert load_recording(write(columns)).u_x[7] == 1e6
+
+
+def test_no_such_file(tmp_path, refusal):
+    assert "no such file" in refusal(tmp_path / "absent.csv")
+    assert "check the name" in refusal(tmp_path / "absent" / "absent.mat")
+
+
+def test_a_folder_is_no_recording(tmp_path, refusal):
+    assert "folder" in refusal(tmp_path)
+    assert "*.csv" in refusal(tmp_path)
+
+
+def test_a_model_file_is_no_recording(write, refusal):
+    assert "TOML" in refusal(write("[bridge]\n", name="model.toml"))
+
+
+def test_the_culprit_is_found_in_large_files(write, refusal):
+    text = "t,u_x,x\n" + "".join(f"{index / 100},1,{index % 7}\n" for index in range(50_000))
+    path = write(text.replace("\n400.0,1,", "\n400.0,l,"))
+    assert "row 40002, column u_x" in refusal(path)

@@ -1,0 +1,186 @@
+"""Holds the layers: imports in `jbridge` point down the list below, never up or sideways.
+
+Only the syntax is read, so that an import inside a function or under `TYPE_CHECKING` counts like any other.
+"""
+
+import ast
+import importlib
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path, PurePath
+from types import ModuleType
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+LAYERS = (
+    {"_math", "_parameters", "_types", "errors"},
+    {"signals", "recordings"},
+    {"model", "fuzzy"},
+    {"control"},
+    {"simulate"},
+    {"identify"},
+    {"diagnose", "tune"},
+    {"sweep"},
+    {"plots", "report"},
+    {"cli", "demo"},
+    {"__main__"},
+)
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
+FACE = "__init__"
+
+
+class Import(NamedTuple):
+    """`from module import name`, or `import module` where `name` is empty."""
+
+    line: int
+    module: str
+    name: str = ""
+
+    def target(self) -> str:
+        """Returns the top-level module of jbridge that is meant, or its public face."""
+        parts = [*self.module.split("."), self.name]
+        return parts[1] if parts[1] in LEVEL or len(parts) > 2 else FACE
+
+
+def imports(path: PurePath, source: str) -> Iterator[Import]:
+    """Yields what a file imports, with relative names resolved; `path` is relative to the root."""
+    package = path.parts[:-1]
+    for node in ast.walk(ast.parse(source, str(path))):
+        if isinstance(node, ast.Import):
+            yield from (Import(node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield from (Import(node.lineno, module, alias.name) for alias in node.names)
+
+
+def is_ours(found: Import) -> bool:
+    return found.module.split(".")[0] == "jbridge"
+
+
+def upward_imports(path: PurePath, source: str) -> list[str]:
+    """Returns one complaint per import of a jbridge file that does not point down the list."""
+    importer = path.with_suffix("").parts[1]
+    if importer != FACE and importer not in LEVEL:
+        return [f"{path}: {importer} has no layer; give it one in LAYERS"]
+    complaints = []
+    for found in filter(is_ours, imports(path, source)):
+        target, where = found.target(), f"{path}:{found.line}"
+        if target == importer:
+            continue
+        if target not in {FACE, *LEVEL}:
+            complaints.append(f"{where}: imports {target}, which has no layer")
+        elif importer == "cli":
+            if found.module != "jbridge":
+                complaints.append(f"{where}: cli imports {target} instead of the public face")
+        elif importer == FACE:
+            if LEVEL[target] >= LEVEL["cli"] and target != "demo":
+                complaints.append(f"{where}: the public face imports {target}")
+        elif target == FACE:
+            if LEVEL[importer] < LEVEL["cli"]:
+                complaints.append(f"{where}: {importer} imports the public face, which lies above it")
+        elif LEVEL[target] >= LEVEL[importer]:
+            direction = "up" if LEVEL[target] > LEVEL[importer] else "sideways"
+            complaints.append(f"{where}: {importer} imports {direction}, from {target}")
+    return complaints
+
+
+def private_imports(path: PurePath, source: str) -> list[str]:
+    """Returns one complaint per import that reaches behind jbridge's public face."""
+    ours = filter(is_ours, imports(path, source))
+    return [f"{path}:{found.line}: imports {found.module}" for found in ours if found.module != "jbridge"]
+
+
+def sources(folder: str) -> Iterator[tuple[PurePath, str]]:
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        yield path.relative_to(ROOT), path.read_text(encoding="utf-8")
+
+
+def test_imports_point_down():
+    assert [line for path, source in sources("jbridge") for line in upward_imports(path, source)] == []
+
+
+def test_experiments_use_the_public_face():
+    assert [line for path, source in sources("experiments") for line in private_imports(path, source)] == []
+
+
+def test_experiments_use_public_names():
+    used = {
+        found.name: path
+        for path, source in sources("experiments")
+        for found in filter(is_ours, imports(path, source))
+        if found.name
+    }
+    public = set(importlib.import_module("jbridge").__all__) if used else set()
+    assert {name: path for name, path in used.items() if name not in public} == {}
+
+
+def test_public_names_are_not_hidden_by_modules():
+    """Loading `jbridge.simulate` binds that module in `jbridge`, where a lazy face offers the function."""
+    face = importlib.import_module("jbridge")
+    shared = LEVEL.keys() & getattr(face, "__all__", ())
+    for name in shared:
+        importlib.import_module(f"jbridge.{name}")
+    assert [name for name in shared if isinstance(getattr(face, name), ModuleType)] == []
+
+
+def test_every_import_is_a_dependency():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.split(r"[^\w.-]", entry)[0].lower().replace("_", "-") for entry in project["dependencies"]}
+    providers = packages_distributions()
+    missing = [
+        f"{path}:{found.line}: {top}"
+        for path, source in sources("jbridge")
+        for found in imports(path, source)
+        if (top := found.module.split(".")[0]) not in {"jbridge", *sys.stdlib_module_names}
+        and declared.isdisjoint(name.lower().replace("_", "-") for name in providers.get(top, [top]))
+    ]
+    assert missing == []
+
+
+@pytest.mark.parametrize(
+    ("path", "source", "complaint"),
+    [
+        ("jbridge/model/bridge.py", "from jbridge.simulate import simulate", "imports up, from simulate"),
+        ("jbridge/model/effects/base.py", "from ...control import base", "model imports up, from control"),
+        ("jbridge/simulate.py", "from jbridge import sweep", "simulate imports up, from sweep"),
+        ("jbridge/fuzzy/rules.py", "from ..model.bridge import Bridge", "fuzzy imports sideways, from model"),
+        ("jbridge/tune/search.py", "def f():\n    import jbridge.diagnose.noise", "tune imports sideways"),
+        ("jbridge/plots.py", "from jbridge import Fit", "plots imports the public face"),
+        ("jbridge/plots.py", "import jbridge", "plots imports the public face"),
+        ("jbridge/cli.py", "from jbridge.identify.fit import fit", "cli imports identify instead of"),
+        ("jbridge/__init__.py", "from jbridge.cli import main", "the public face imports cli"),
+        ("jbridge/sweep.py", "from jbridge.utils import clip", "imports utils, which has no layer"),
+        ("jbridge/utils.py", "", "utils has no layer"),
+    ],
+)
+def test_a_bad_import_is_found(path, source, complaint):
+    (found,) = upward_imports(PurePath(path), source)
+    assert complaint in found
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("jbridge/__init__.py", "if TYPE_CHECKING:\n    from jbridge.report import Report"),
+        ("jbridge/model/plant.py", "from jbridge.model.bridge import Bridge\nfrom . import effects"),
+        ("jbridge/simulate.py", "from jbridge import control\nfrom jbridge._types import Dof"),
+        ("jbridge/identify/fit.py", "import jax\nfrom jbridge.simulate import simulate"),
+        ("jbridge/cli.py", "import jbridge\nfrom jbridge import __version__, simulate"),
+        ("jbridge/__main__.py", "from jbridge.cli import main"),
+    ],
+)
+def test_a_good_import_passes(path, source):
+    assert upward_imports(PurePath(path), source) == []
+
+
+def test_a_private_import_is_found():
+    source = "from jbridge import simulate\nimport numpy\nfrom jbridge.simulate import Trajectory"
+    (found,) = private_imports(PurePath("experiments/demo.py"), source)
+    assert found == "experiments/demo.py:3: imports jbridge.simulate"
