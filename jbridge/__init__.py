@@ -1,1 +1,126 @@
-"""jbridge: a differentiable simulator of a laboratory loading bridge, and why a rig and its model differ."""
+"""jbridge: a differentiable simulator of a laboratory loading bridge, and why a rig and its model differ.
+
+Every public name is listed here and loaded when it is first used, so that importing the package costs nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jbridge.diagnosis.diagnose import diagnose as diagnose
+    from jbridge.diagnosis.result import Diagnosis as Diagnosis
+    from jbridge.errors import InputError as InputError
+    from jbridge.identify.fit import fit as fit
+    from jbridge.identify.result import Fit as Fit
+    from jbridge.model.bridge import Bridge as Bridge
+    from jbridge.model.effects.catalogue import CATALOGUE as CATALOGUE
+    from jbridge.model.files import Model as Model
+    from jbridge.model.files import load_model as load_model
+    from jbridge.model.files import save_model as save_model
+    from jbridge.model.plant import Plant as Plant
+    from jbridge.prediction import simulate as simulate
+    from jbridge.recordings import Recording as Recording
+    from jbridge.recordings import load_recording as load_recording
+    from jbridge.recordings import load_recordings as load_recordings
+    from jbridge.recordings import save_csv as save_csv
+    from jbridge.report.files import check_output as check_output
+    from jbridge.report.save import save_fit as save_fit
+    from jbridge.report.save import save_report as save_report
+    from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
+    from jbridge.report.terminal import describe_fit as describe_fit
+
+__version__: str
+
+_HOMES = {
+    "Bridge": "model.bridge",
+    "CATALOGUE": "model.effects.catalogue",
+    "Diagnosis": "diagnosis.result",
+    "Fit": "identify.result",
+    "InputError": "errors",
+    "Model": "model.files",
+    "Plant": "model.plant",
+    "Recording": "recordings",
+    "check_output": "report.files",
+    "describe_diagnosis": "report.terminal",
+    "describe_fit": "report.terminal",
+    "diagnose": "diagnosis.diagnose",
+    "fit": "identify.fit",
+    "load_model": "model.files",
+    "load_recording": "recordings",
+    "load_recordings": "recordings",
+    "save_csv": "recordings",
+    "save_fit": "report.save",
+    "save_model": "model.files",
+    "save_report": "report.save",
+    "simulate": "prediction",
+}
+"""The module of each public name. None is called like a module of this package, which would hide it once loaded."""
+
+__all__ = [
+    "Bridge",
+    "CATALOGUE",
+    "Diagnosis",
+    "Fit",
+    "InputError",
+    "Model",
+    "Plant",
+    "Recording",
+    "check_output",
+    "describe_diagnosis",
+    "describe_fit",
+    "diagnose",
+    "fit",
+    "load_model",
+    "load_recording",
+    "load_recordings",
+    "save_csv",
+    "save_fit",
+    "save_model",
+    "save_report",
+    "set_up",
+    "simulate",
+]
+
+
+def set_up(cache: bool = True) -> None:
+    """Turns on double precision, which every result needs, and keeps compiled programs from one run to the next.
+
+    To be called once, by whoever starts the computation: commands, experiments, notebooks.
+
+    Args:
+        cache: whether to keep compiled programs, in the user's cache folder (`$XDG_CACHE_HOME` or `~/.cache`).
+            A folder that cannot be written costs time and changes nothing.
+    """
+    import os
+    import warnings
+    from pathlib import Path
+
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if not cache:
+        return
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge" / "jax"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # no home, or one that is read-only
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("jbridge")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

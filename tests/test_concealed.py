@@ -43,10 +43,7 @@ def rates(t, y, u_x, u_l):
     s, c = math.sin(psi), math.cos(psi)
     mass = [[m1 + m2, m2 * l * c, m2 * s], [m2 * l * c, m2 * l**2, 0.0], [m2 * s, 0.0, m2 + winch]]
     force = [
-        BRIDGE["cart_gain"] * u_x
-        - BRIDGE["cart_damping"] * dx
-        - 2 * m2 * dl * dpsi * c
-        + m2 * l * dpsi**2 * s,
+        BRIDGE["cart_gain"] * u_x - BRIDGE["cart_damping"] * dx - 2 * m2 * dl * dpsi * c + m2 * l * dpsi**2 * s,
         -BRIDGE["swing_damping"] * dpsi - 2 * m2 * l * dl * dpsi - m2 * g * l * s,
         BRIDGE["hoist_gain"] * u_l - BRIDGE["hoist_damping"] * dl + m2 * l * dpsi**2 + m2 * g * c,
     ]
@@ -74,9 +71,7 @@ def test_plain_rig_agrees_with_the_equations():
 def test_the_oracle_agrees_with_the_equations():
     oracle = pytest.importorskip("tests.oracles.mujoco_bridge")
     u = volts(1.0)
-    forces = np.column_stack(
-        [BRIDGE["cart_gain"] * u[:-1, 0], 0 * u[:-1, 0], BRIDGE["hoist_gain"] * u[:-1, 1]]
-    )
+    forces = np.column_stack([BRIDGE["cart_gain"] * u[:-1, 0], 0 * u[:-1, 0], BRIDGE["hoist_gain"] * u[:-1, 1]])
     rows = oracle.trajectory(BRIDGE, [*START.values(), 0.0, 0.0, 0.0], forces, rig.SAMPLE)
     np.testing.assert_allclose(rows, integrated(u), atol=1e-6, rtol=0)
 
@@ -86,6 +81,23 @@ def test_stuck_is_stuck():
     friction = [{"kind": "coulomb_friction", "site": "hoist", "level": 3.0}]
     run = rig.simulate(plain(friction), np.zeros((1, 2)), 2.0, 0, START, noisy=False)
     assert np.ptp(run["l"]) < 1e-6
+
+
+def test_a_push_ends_where_coulomb_says():
+    """Cart alone: driven for 1 s, then coasting to a stop; both parts are exponentials with an end."""
+    level, volt = 3.0, 1.5
+    friction = [{"kind": "coulomb_friction", "site": "cart", "level": level}]
+    u = np.zeros((401, 2))
+    u[:200, 0] = volt
+    run = rig.simulate(plain(friction, parts="cart"), u, 2.0, 0, START, noisy=False)
+    mass, damping = BRIDGE["cart_mass"], BRIDGE["cart_damping"]
+    lag, slow = mass / damping, level / damping
+    steady = (BRIDGE["cart_gain"] * volt - level) / damping
+    speed = steady * (1 - math.exp(-1 / lag))
+    driven = steady - lag * speed
+    stop = lag * math.log1p(speed / slow)
+    coasted = lag * speed - slow * stop
+    assert run["x"][-1] - run["x"][0] == pytest.approx(driven + coasted, abs=5e-6)
 
 
 def test_a_constant_force_beside_friction_is_friction_by_direction():
@@ -130,9 +142,7 @@ def test_belt_agrees_with_two_masses_and_a_spring():
 def test_double_pendulum_has_its_two_periods():
     """Small swings: the two modes of masses m, M at l and l + b from det(K - w^2 M) = 0."""
     hook, load, l, b, g = 0.07, 0.13, 0.6, 0.15, 9.81
-    mass = np.array(
-        [[(hook + load) * l**2 + 2 * load * l * b + load * b**2, load * b * (l + b)], [0.0, load * b**2]]
-    )
+    mass = np.array([[(hook + load) * l**2 + 2 * load * l * b + load * b**2, load * b * (l + b)], [0.0, load * b**2]])
     mass[1, 0] = mass[0, 1]
     stiffness = g * np.array([[(hook + load) * l + load * b, load * b], [load * b, load * b]])
     modes = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real))
@@ -184,9 +194,7 @@ def test_noise_has_the_promised_size():
         assert np.std(errors) == pytest.approx(total, rel=0.03)
 
 
-@pytest.mark.parametrize(
-    "kind", [{}, {"wander": 0.05}, {"noise": {"x": {"total": 6e-5, "correlation": 0.03}}}]
-)
+@pytest.mark.parametrize("kind", [{}, {"wander": 0.05}, {"noise": {"x": {"total": 6e-5, "correlation": 0.03}}}])
 def test_the_same_seed_gives_the_same_recording(kind):
     truth = plain([{"kind": "coulomb_friction", "site": "cart", "level": 3.0}], **kind)
     first, second, other = (rig.simulate(truth, volts(0.5), 0.5, seed, START) for seed in (7, 7, 8))
@@ -219,8 +227,7 @@ def test_every_concealed_effect_acts(kind, site):
     start = truth["recordings"][0]["start"]
     rest = [e for e in truth["effects"] if (e["kind"], e["site"]) != (kind, site)]
     runs = [
-        rig.simulate(truth | {"effects": e}, u, table["t"][-1], 0, start, noisy=False)
-        for e in (truth["effects"], rest)
+        rig.simulate(truth | {"effects": e}, u, table["t"][-1], 0, start, noisy=False) for e in (truth["effects"], rest)
     ]
     assert max(np.abs(runs[0][c] - runs[1][c]).max() / sensors.NOISE[c] for c in sensors.NOISE) > 3.0
 
@@ -300,9 +307,7 @@ def test_score_wrong():
 
 
 def test_score_declared_rival():
-    said = report_of(
-        "missing_physics", effects=[("actuator_lag", "cart_drive", {}, [("input_delay", "cart_drive")])]
-    )
+    said = report_of("missing_physics", effects=[("actuator_lag", "cart_drive", {}, [("input_delay", "cart_drive")])])
     row = score(truth_of([DELAY]), said)
     assert row["in_set"] and not row["first_right"]
 
@@ -325,15 +330,11 @@ def test_score_equivalent():
 def test_score_unknown_and_null():
     strange = truth_of([{"kind": "brake_zone", "site": "cart"}], "unknown")
     assert score(strange, report_of("unknown"))["verdict_right"]
-    assert not score(strange, report_of("missing_physics", effects=[("spring_force", "cart", {})]))[
-        "verdict_right"
-    ]
+    assert not score(strange, report_of("missing_physics", effects=[("spring_force", "cart", {})]))["verdict_right"]
     null = truth_of([], "adequate", ["none"])
     assert score(null, report_of("adequate", "none"))["verdict_right"]
     assert score(null, report_of("unknown"))["detected"]
-    assert score(null, report_of("adequate", "none"))["bridge"]["cart_gain"]["error"] == pytest.approx(
-        0.1 / 16
-    )
+    assert score(null, report_of("adequate", "none"))["bridge"]["cart_gain"]["error"] == pytest.approx(0.1 / 16)
 
 
 def test_score_of_a_failed_run_is_all_wrong():
@@ -349,10 +350,7 @@ def test_numbers_are_compared_as_the_same_law():
         "phase": {"value": 1.0 - math.pi},
     }
     rows = parameter_errors(wave, turned)
-    assert (
-        max(r["error"] for r in rows.values()) == pytest.approx(0.0, abs=1e-12)
-        and rows["amplitude"]["covered"]
-    )
+    assert max(r["error"] for r in rows.values()) == pytest.approx(0.0, abs=1e-12) and rows["amplitude"]["covered"]
     table = {"kind": "position_dependent_friction", "site": "cart", "knots": [0.0, 1.0], "levels": [0.0, 1.0]}
     lifted = {"knots": {"value": [0.0, 0.5, 1.0]}, "levels": {"value": [2.0, 2.5, 3.0]}}
     assert parameter_errors(table, lifted)["levels"]["error"] == pytest.approx(0.0)

@@ -39,6 +39,11 @@ LEAST = {
     "sensor_offset": 0.2,
     "drum_radius_change": 0.2,
     "sensor_eccentricity": 0.3,
+    "load_drag": 0.25,
+    "stribeck_friction": 0.4,
+    "spring_force": 0.25,
+    "quadratic_drag": 0.25,
+    "belt_compliance": 0.3,
 }
 """Nobody would call it physics below these: a delay within a sample, a gap of a count, a gain 0.1 % off."""
 LIMITS = (0.05, 12.0)
@@ -132,7 +137,7 @@ class Bench:
         for scale in (1.0, 1.0, 0.3):
             padded = np.concatenate([left, np.zeros(len(fit))])
             step = np.linalg.lstsq(np.vstack([self.jacobian, ridge]), padded, rcond=None)[0]
-            tried = np.clip(fit + scale * step, -0.7, 1.5)
+            tried = np.clip(fit + scale * step, -0.8, 8.0)
             remains = goal - self._train(_shifted(without, self.paths, tried))
             if np.linalg.norm(remains) < np.linalg.norm(left):
                 fit, left = tried, remains

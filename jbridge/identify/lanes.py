@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .._types import AXES, Axes
 from ..recordings import Recording
-from ..simulate import Lane
+from ..rollout import Lane
 
 _HISTORY = 0.6
 """Time before a lane [s] whose inputs a delay or a lag still feels."""

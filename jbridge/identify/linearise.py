@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..simulate import MIDPOINT, Motions, readings, rollout
+from ..rollout import MIDPOINT, Motions, readings, rollout
 from .lanes import Batch, Lanes
 
 _ROWS = 4

@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InputError, listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
-from .effects.catalogue import CATALOGUE
+from .effects.catalogue import KINDS
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum
 from .effects.friction import PreslidingFriction
 from .parameters import ParameterTable, bridge_keys
@@ -179,9 +179,9 @@ def _read_effects(file: _Where, tables: Any) -> tuple[AbstractEffect, ...]:
 
 def _read_effect(file: _Where, number: int, table: dict[str, Any]) -> AbstractEffect:
     where = file.within(f"[[effect]] {number}")
-    kind = _word(where, "kind", table.get("kind"), CATALOGUE)
+    kind = _word(where, "kind", table.get("kind"), KINDS)
     where = file.within(f"[[effect]] {number} ({kind})")
-    cls = CATALOGUE[kind]
+    cls = KINDS[kind]
     site = _word(where, "site", table.get("site"), cls.sites)
     infos, options = parameters_of(cls), options_of(cls)
     where.check_keys(table, ("kind", "site", *infos, *options), "key")

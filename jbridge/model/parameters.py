@@ -51,6 +51,7 @@ class ParameterTable:
         self.size = sum(self._sizes)
         self.entries: list[Entry] = []
         self._positions: dict[str, list[int]] = {}
+        self._options: dict[str, int] = {}
         command = {"u_x": "V", "u_l": "V"} | dict(inputs or {})
         offset = 0
         for owner, part in enumerate((plant.bridge, *plant.effects), start=-1):
@@ -62,6 +63,8 @@ class ParameterTable:
                 info = by_field.get(field.name)
                 if info is not None:
                     self._describe(part, owner, info, offset, size, command)
+                else:
+                    self._options[f"{part.kind}@{part.site}.{field.name}"] = offset
                 offset += size
 
     def __hash__(self) -> int:
@@ -110,6 +113,14 @@ class ParameterTable:
         if len(found) == 1:
             return self._positions[found.pop()]
         raise KeyError(name)
+
+    def option_place(self, group: str) -> int:
+        """Place of an option's index, such as `end_stop@cart.end`."""
+        return self._options[group]
+
+    def options(self) -> dict[str, int]:
+        """Places of all options' indices."""
+        return dict(self._options)
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper bounds; options and references have none."""

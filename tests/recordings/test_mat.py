@@ -174,9 +174,7 @@ def opaque_object(name: str, kind: str) -> bytes:
         + element(1, b"")
         + element(6, struct.pack("<I", 7)),
     )
-    header = (
-        b"MATLAB 5.0 MAT-file, written for a test".ljust(116) + bytes(8) + struct.pack("<HH", 0x0100, 0x4D49)
-    )
+    header = b"MATLAB 5.0 MAT-file, written for a test".ljust(116) + bytes(8) + struct.pack("<HH", 0x0100, 0x4D49)
     return header + element(14, flags + texts + references)
 
 

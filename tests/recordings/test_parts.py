@@ -22,9 +22,7 @@ def test_parts_follow_from_the_columns(write, names, cart, swing, hoist, chosen)
     assert recording.locked_length is None
 
 
-@pytest.mark.parametrize(
-    ("names", "cart"), [("t u_x x psi l", True), ("t psi l", False), ("t u_x x l", True)]
-)
+@pytest.mark.parametrize(("names", "cart"), [("t u_x x psi l", True), ("t psi l", False), ("t u_x x l", True)])
 def test_without_u_l_the_rope_is_locked_at_the_median(write, columns, names, cart, chosen):
     columns["l"] = 0.6 + 0.0025 * np.sign(np.arange(400) - 300)
     recording = load_recording(write(chosen(names)))

@@ -125,9 +125,7 @@ def test_degrees_are_refused(write, name):
     """The smallest swing of the three is 0.07 rad."""
     (path,) = RIGS.glob(f"*/{name}")
     header, *rows = path.read_text().splitlines()
-    data = dict(
-        zip(header.split(","), np.array([row.split(",") for row in rows], dtype=float).T, strict=True)
-    )
+    data = dict(zip(header.split(","), np.array([row.split(",") for row in rows], dtype=float).T, strict=True))
     angle = data.get("psi", data.get("theta"))
     columns = {"t": data["t"], "psi": np.rad2deg(angle), "l": np.full(angle.size, 0.35)}
     with pytest.raises(InputError, match="degrees"):
@@ -135,7 +133,5 @@ def test_degrees_are_refused(write, name):
 
 
 def test_a_table_without_time_is_no_recording():
-    with pytest.raises(
-        InputError, match=r"no column t for the time; the columns are x, f_pos_dir, f_neg_dir"
-    ):
+    with pytest.raises(InputError, match=r"no column t for the time; the columns are x, f_pos_dir, f_neg_dir"):
         load_recording(BELT / "published_friction_table.csv")

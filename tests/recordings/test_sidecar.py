@@ -224,9 +224,7 @@ def test_refused(write, columns, sidecar, needles):
     assert [needle for needle in ["run.toml", *needles] if needle not in message] == []
 
 
-SECTIONS = {
-    name: case for name, case in REFUSED.items() if case[0].startswith("[") and "not TOML" not in case[1]
-}
+SECTIONS = {name: case for name, case in REFUSED.items() if case[0].startswith("[") and "not TOML" not in case[1]}
 
 
 @pytest.mark.parametrize(("sidecar", "needles"), SECTIONS.values(), ids=SECTIONS)

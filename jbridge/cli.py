@@ -1,0 +1,222 @@
+"""The command `jbridge`: simulate, fit, diagnose.
+
+Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
+written; 130 when interrupted. Everything else is a bug and shows its traceback.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import NoReturn, TextIO
+
+import jbridge
+from jbridge import InputError
+
+_RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
+_MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
+_SIMULATE = """\
+Plays the inputs of a recording on a model and writes what the sensors would read, without noise.
+
+The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as the rig has them. The file
+of inputs needs no measurements; the start is then the [initial] table of its sidecar.
+"""
+_FIT = """\
+Estimates the unknown numbers of a model from recordings, with 95 % intervals.
+
+What [bridge] lists under `known` stays as it is; the rest are guesses to start from. DIR receives
+model.toml (the fitted model), fit.json, fit.html and the figures.
+"""
+_DIAGNOSE = """\
+Finds out why recordings and simulation differ: whether the model lacks anything, where, and what it is.
+
+DIR receives report.html (to look at), report.json (the same in numbers), model.toml (the model with what was
+found), the figures and, where recordings cannot decide, the input to play next. Recordings behind
+--holdout are opened once, after the model is frozen, and prove it; without them the last quarter of the
+recordings plays that part.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command and returns its exit status.
+
+    Args:
+        argv: arguments, those of the process by default.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            # A terminal that lacks a sign such as the degree's gets another one instead of an error.
+            stream.reconfigure(errors="replace")
+    progress = _Progress(sys.stderr)
+    try:
+        arguments = _parser().parse_args(argv)
+        arguments.run(arguments, progress)
+        sys.stdout.flush()
+        return 0
+    except InputError as error:
+        progress.clear()
+        print(f"jbridge: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        progress.clear()
+        print("jbridge: interrupted; files that were finished are whole", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Whoever read the summary has gone; what was saved is saved. The interpreter flushes once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    finally:
+        progress.clear()
+
+
+def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    jbridge.check_output(arguments.out, folder=False, inputs=[arguments.model, arguments.input])
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    recording = jbridge.load_recording(arguments.input, inputs_only=True)
+    progress("simulating")
+    columns = jbridge.simulate(model, recording)
+    jbridge.save_csv(arguments.out, columns)
+    progress.clear()
+    print(f"{arguments.out}: {len(columns['t'])} rows of {', '.join(columns)}")
+
+
+def _fit(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    model, recordings, holdout = _load(arguments, progress)
+    result = jbridge.fit(model, recordings, holdout, progress=progress)
+    progress("drawing")
+    jbridge.save_fit(arguments.out, result)
+    progress.clear()
+    print(jbridge.describe_fit(result, arguments.out), end="")
+
+
+def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    model, recordings, holdout = _load(arguments, progress)
+    result = jbridge.diagnose(model, recordings, holdout, progress=progress)
+    progress("drawing")
+    jbridge.save_report(arguments.out, result)
+    progress.clear()
+    print(jbridge.describe_diagnosis(result, arguments.out), end="")
+
+
+def _load(
+    arguments: argparse.Namespace, progress: "_Progress"
+) -> tuple["jbridge.Model", tuple["jbridge.Recording", ...], tuple["jbridge.Recording", ...]]:
+    """Model, recordings and hold-out, once it is clear that results can be written."""
+    paths = [*arguments.recordings, *arguments.holdout]
+    jbridge.check_output(arguments.out, folder=True, inputs=[arguments.model, *paths])
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    recordings = jbridge.load_recordings(arguments.recordings)
+    # All together are checked against each other, yet nothing about a hold-out may colour the others.
+    every = jbridge.load_recordings(paths) if arguments.holdout else ()
+    return model, recordings, every[len(recordings) :]
+
+
+class _Progress:
+    """One line on a terminal that says what is going on and for how long; silent elsewhere."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._shown = stream.isatty()
+        self._start = time.monotonic()
+
+    def __call__(self, message: str) -> None:
+        if self._shown:
+            line = f"{time.monotonic() - self._start:4.0f} s  {' '.join(message.split())}"
+            # A line that wraps could not be taken back.
+            width = shutil.get_terminal_size().columns - 1
+            self._stream.write(f"\r\x1b[K{line[:width]}")
+            self._stream.flush()
+
+    def clear(self) -> None:
+        if self._shown:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, like every other refusal."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+class _Version(argparse.Action):
+    """Looks the version up only when asked for it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(f"jbridge {jbridge.__version__}")
+        parser.exit()
+
+
+def _parser() -> _Parser:
+    parser = _Parser(
+        prog="jbridge",
+        description="A simulator of a laboratory loading bridge (gantry crane) that finds out why recordings and"
+        " simulation differ.",
+        epilog="example: jbridge diagnose model.toml train-*.csv --holdout holdout-*.csv --out report",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
+    simulate = _command(commands, "simulate", "what the rig's sensors would read", _SIMULATE, _simulate)
+    simulate.epilog = "example:\n  jbridge simulate model.toml --input staircase.csv --out simulated.csv"
+    simulate.add_argument("model", metavar="MODEL.toml", help=_MODEL)
+    simulate.add_argument("--input", metavar="REC.csv", required=True, help="the inputs: t, u_x and, if driven, u_l")
+    simulate.add_argument(
+        "--out", metavar="OUT.csv", required=True, help="where to write; an existing file is replaced"
+    )
+    fit = _command(commands, "fit", "the model's unknown numbers, from recordings", _FIT, _fit)
+    fit.epilog = "example:\n  jbridge fit model.toml monday-*.csv --holdout tuesday-1.csv --out fitted"
+    _add_recordings(fit)
+    diagnose = _command(commands, "diagnose", "why recordings and simulation differ", _DIAGNOSE, _diagnose)
+    diagnose.epilog = "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report"
+    _add_recordings(diagnose)
+    for command in (simulate, fit, diagnose):
+        command.add_argument(
+            "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
+        )
+    return parser
+
+
+def _command(
+    commands: "argparse._SubParsersAction[_Parser]",
+    name: str,
+    brief: str,
+    description: str,
+    run: Callable[[argparse.Namespace, _Progress], None],
+) -> _Parser:
+    command = commands.add_parser(
+        name,
+        help=brief,
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_recordings(command: _Parser) -> None:
+    command.add_argument("model", metavar="MODEL.toml", help=_MODEL)
+    command.add_argument("recordings", metavar="REC.csv", nargs="+", help=_RECORDING)
+    command.add_argument(
+        "--holdout",
+        metavar="REC.csv",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="recordings kept apart as proof; every file up to the next option",
+    )
+    command.add_argument(
+        "--out", metavar="DIR", required=True, help="folder for the results; files in it are replaced one by one"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

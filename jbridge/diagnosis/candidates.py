@@ -1,0 +1,99 @@
+"""Everything that could be missing: one candidate for each effect, site and place to start looking."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.setting import Setting
+from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, options_of
+from ..model.effects.catalogue import CATALOGUE
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+
+WRONG_VALUE = "wrong_value"
+"""The kind of the commonest cause of all: a known number that is wrong. Its site is the parameter's name."""
+_RIVAL_NUMBERS = ("cart_mass", "load_mass", "winch_mass")
+"""Known numbers that a rig's owner may have wrong. Gravity is not among them."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """One explanation and where to start it."""
+
+    kind: str
+    site: str
+    values: Mapping[str, Any]
+    free: tuple[str, ...]
+    """Keys that are estimated."""
+    finite: bool
+    """Whether it is present at `values`, so that a linear screen cannot weigh it from its null value."""
+
+    @property
+    def name(self) -> tuple[str, str]:
+        return self.kind, self.site
+
+    @property
+    def mechanism(self) -> bool:
+        cls = CATALOGUE.get(self.kind)
+        return cls is not None and issubclass(cls, AbstractMechanism)
+
+    def group(self, key: str) -> str:
+        """The parameter's name in a table."""
+        return self.site if self.kind == WRONG_VALUE else f"{self.kind}@{self.site}.{key}"
+
+    def places(self, table: ParameterTable) -> NDArray[np.int64]:
+        """Where its free parameters stand."""
+        return np.array([place for key in self.free for place in table.positions(self.group(key))], np.int64)
+
+    def set(self, table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A parameter vector with the candidate's values put in."""
+        vector = vector.copy()
+        for key, value in self.values.items():
+            if key == "coulomb":
+                # What is left of the plain friction that this law takes the place of.
+                for place in table.positions(f"coulomb_friction@{self.site}.level"):
+                    vector[place] = value
+            elif isinstance(value, str):
+                words = options_of(CATALOGUE[self.kind])[key]
+                vector[table.option_place(self.group(key))] = words.index(value)
+            else:
+                places = table.positions(self.group(key))
+                vector[places] = np.broadcast_to(np.asarray(value, dtype=float), len(places))
+        return vector
+
+
+def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scene) -> list[Candidate]:
+    """All candidates that the plant does not have yet and that the recordings have the parts for."""
+    present = {(effect.kind, effect.site) for effect in plant.effects}
+    train = plant.drive_train
+    found = []
+    for kind, cls in CATALOGUE.items():
+        for site in cls.sites:
+            if (kind, site) in present or not _exists(site, setting):
+                continue
+            if train is not None and kind in ("belt_compliance", "backlash"):
+                continue
+            for seed in cls.seeds(site, scene):
+                found.append(Candidate(kind, site, dict(seed.values), seed.free, seed.finite))
+    for number in _RIVAL_NUMBERS:
+        if number in known and _matters(number, setting):
+            found.append(Candidate(WRONG_VALUE, number, {}, (number,), False))
+    return found
+
+
+def _matters(number: str, setting: Setting) -> bool:
+    needed = {"cart_mass": "x", "load_mass": "psi", "winch_mass": "l"}[number]
+    return needed in setting.axes
+
+
+def _exists(site: str, setting: Setting) -> bool:
+    assert site in SITES
+    axis = AXIS_OF_SITE[site]
+    if site.endswith("_sensor"):
+        if site == "l_sensor" and "psi" in setting.axes:
+            return True
+        return axis in setting.axes and axis in setting.noise
+    return axis in setting.axes

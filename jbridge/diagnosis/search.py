@@ -1,0 +1,437 @@
+"""Refits of the most promising candidates, and the choice among them, one acceptance after the other."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.base import chi, columns_for, measurements
+from ..identify.lanes import Batch
+from ..identify.linearise import Engine
+from ..identify.setting import Setting, free_places, lanes_for, scene_of
+from ..identify.solve import Fits, reduce, solve
+from ..model.effects.base import AbstractMechanism
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..model.superset import make_effect, superset
+from .candidates import WRONG_VALUE, Candidate, candidates
+from .screen import Screen, Screened, screen
+
+REFITS = 10
+"""Candidates that are refitted in each round, besides the best of each site."""
+EFFECTIVE = 1000.0
+"""Effective number of independent samples, for weighing costs against parameters."""
+_GAIN = 0.03
+"""Least share of the cost that an acceptance must bring, in cross-validation too."""
+
+
+@dataclasses.dataclass
+class Trial:
+    """One refitted explanation."""
+
+    candidate: Candidate
+    plant: Plant
+    known: frozenset[str]
+    engine: Engine
+    batch: Batch
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    initial: NDArray[np.float64]
+    cost: float
+    cross_validated: float
+    z: float
+    """Distance of its strongest parameter from its null value, in standard deviations."""
+    extra: int
+    """Number of its parameters."""
+
+    @property
+    def score(self) -> float:
+        """Bayesian information criterion with an effective sample size; smaller is better."""
+        return EFFECTIVE * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(EFFECTIVE))
+
+
+@dataclasses.dataclass
+class State:
+    """The model so far, fitted."""
+
+    plant: Plant
+    known: frozenset[str]
+    engine: Engine
+    batch: Batch
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    initial: NDArray[np.float64]
+    cost: float
+    cross_validated: float
+    accepted: tuple[Candidate, ...] = ()
+
+    @property
+    def chi(self) -> float:
+        return chi(self.cost, self.batch)
+
+
+def transfer(
+    source: ParameterTable, vector: NDArray[np.float64], target: ParameterTable, into: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Values of one table's parameters put into another's vector, by name."""
+    into = into.copy()
+    names = set(target.names())
+    for name in source.names():
+        if name in names:
+            into[target.positions(name)] = vector[source.positions(name)]
+    for group, place in source.options().items():
+        if group in target.options():
+            into[target.option_place(group)] = vector[place]
+    return into
+
+
+def cross_validated(
+    products: NDArray[np.float64],
+    count: int,
+    columns: int,
+    initial: NDArray[np.float64],
+    batch: Batch,
+    groups: NDArray[np.int64],
+) -> float:
+    """Cost of each recording under the parameters that the others give, from one Gauss-Newton step.
+
+    At an optimum, leaving a recording out moves the parameters by a small step, which the Gram matrices at hand give
+    without a further simulation.
+    """
+    reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
+    total = 0.0
+    for r in np.unique(groups):
+        inside = groups == r
+        matrix = reduced.by_lane[~inside].sum(axis=0)
+        gradient = reduced.gradient_by_lane[~inside].sum(axis=0)
+        scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+        scaled = matrix / np.outer(scale, scale)
+        step = -np.linalg.solve(scaled + 1e-7 * np.eye(count), gradient / scale) / scale if count else np.zeros(0)
+        own = products[inside, -1, -1].sum()
+        change = 2 * reduced.gradient_by_lane[inside].sum(0) @ step + step @ reduced.by_lane[inside].sum(0) @ step
+        # A step that leaves the region where the model is linear says only that the parameter is not determined.
+        total += own + float(np.clip(change, -0.5 * own, 3.0 * own))
+    return total
+
+
+def _folds(batch: Batch) -> NDArray[np.int64]:
+    """Recordings to leave out in turn; the lanes themselves where there is only one recording."""
+    return batch.recording if len(np.unique(batch.recording)) > 1 else np.arange(batch.count)
+
+
+def first_state(
+    plant: Plant, known: frozenset[str], setting: Setting, batch: Batch, engine: Engine, fits: Fits
+) -> State:
+    """The base fit as the search's starting point."""
+    free = fits.free[0]
+    columns = columns_for(len(free))
+    cv = cross_validated(fits.gram.products[0], len(free), columns, fits.initial[0], batch, _folds(batch))
+    return State(
+        engine.table.unravel(fits.vectors[0]),
+        known,
+        engine,
+        batch,
+        fits.vectors[0],
+        free,
+        fits.initial[0],
+        float(fits.cost[0]),
+        cv,
+    )
+
+
+class Search:
+    """Rounds of screening, refitting and choosing."""
+
+    def __init__(self, setting: Setting, window: float | None, progress: Callable[[str], None] | None = None):
+        self.setting = setting
+        self.window = window
+        self.progress = progress or (lambda text: None)
+        self.events: dict[str, tuple] = {}
+
+    def superset(self, state: State) -> tuple[Plant, Engine, Batch, NDArray[np.float64], NDArray[np.int64], Any]:
+        """The superset at the state's values, ready to screen."""
+        scene = scene_of(self.setting, state.plant, self.events)
+        axes = set(self.setting.axes) | ({"l"} if "psi" in self.setting.axes else set())
+        full = superset(state.plant, scene, axes)
+        engine = Engine(full)
+        vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(full)))
+        names = [state.engine.table.entry(p).name for p in state.free]
+        free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
+        batch = lanes_for(engine.table, full, self.setting, self.setting.recordings, self.window)
+        return full, engine, batch, vector, free, scene
+
+    def look(self, state: State) -> tuple[Screen, tuple]:
+        """Screens every candidate without a hidden coordinate."""
+        made = self.superset(state)
+        _, engine, batch, vector, free, scene = made
+        found = [
+            c
+            for c in candidates(state.plant, state.known, self.setting, scene)
+            if not c.mechanism and c.name not in {a.name for a in state.accepted}
+        ]
+        self.progress(f"screening {len(found)} explanations")
+        return screen(engine, batch, vector, free, state.initial, found), made
+
+    def refit(self, state: State, screened: Screen, made: tuple) -> list[Trial]:
+        """Full refits of the best candidates and of the best of each site."""
+        _, engine, batch, _, free, _ = made
+        chosen = _shortlist(screened.ranked)
+        self.progress(f"refitting {len({c.candidate.name for c in chosen})} explanations")
+        trials = []
+        by_width: dict[int, list[Screened]] = {}
+        for item in chosen:
+            count = len(free) + len(item.candidate.places(engine.table))
+            by_width.setdefault(columns_for(count), []).append(item)
+        for width, items in by_width.items():
+            frees = [np.concatenate([free, i.candidate.places(engine.table)]) for i in items]
+            fits = solve(
+                engine,
+                batch,
+                np.array([i.vector for i in items]),
+                frees,
+                initial=np.repeat(state.initial[None], len(items), axis=0),
+                columns=width,
+                iterations=8,
+                tolerance=3e-3,
+            )
+            for k, item in enumerate(items):
+                trials.append(self._trial(state, item.candidate, engine, batch, fits, k, width, len(free)))
+        return _best_of_each(trials)
+
+    def mechanisms(self, state: State) -> list[Trial]:
+        """Refits of the effects with a hidden coordinate, each in a program of its own, from several seeds."""
+        scene = scene_of(self.setting, state.plant, self.events)
+        found: dict[tuple[str, str], list[Candidate]] = {}
+        for c in candidates(state.plant, state.known, self.setting, scene):
+            if c.mechanism:
+                found.setdefault(c.name, []).append(c)
+        trials = []
+        for (kind, site), seeds in found.items():
+            self.progress(f"refitting {kind.replace('_', ' ')}")
+            plant = Plant(state.plant.bridge, (*state.plant.effects, make_effect(kind, site, seeds[0].values)))
+            engine = Engine(plant)
+            vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(plant)))
+            names = [state.engine.table.entry(p).name for p in state.free]
+            base = np.array([engine.table.positions(name)[0] for name in names], np.int64)
+            batch = lanes_for(engine.table, plant, self.setting, self.setting.recordings, self.window)
+            few = lanes_for(engine.table, plant, self.setting, _shortest(self.setting.recordings), self.window)
+            free = np.concatenate([base, seeds[0].places(engine.table)])
+            width = columns_for(len(free))
+            # Seeds compete on the shortest recording; only the best is taken through all of them.
+            rows = np.array([seed.set(engine.table, vector) for seed in seeds])
+            tries = solve(engine, few, rows, [free] * len(seeds), columns=width, iterations=5, tolerance=1e-2)
+            best = int(np.nanargmin(tries.cost))
+            hidden = batch.initial.copy()
+            hidden[:, :6] = state.initial[:, :6]
+            fits = solve(
+                engine,
+                batch,
+                tries.vectors[best][None],
+                [free],
+                initial=hidden[None],
+                columns=width,
+                iterations=8,
+                tolerance=3e-3,
+            )
+            trials.append(self._trial(state, seeds[best], engine, batch, fits, 0, width, len(base)))
+        return trials
+
+    def _trial(
+        self,
+        state: State,
+        candidate: Candidate,
+        engine: Engine,
+        batch: Batch,
+        fits: Fits,
+        k: int,
+        width: int,
+        base: int,
+    ) -> Trial:
+        free = fits.free[k]
+        products = fits.gram.products[k]
+        cv = cross_validated(products, len(free), width, fits.initial[k], batch, _folds(batch))
+        known = state.known - ({candidate.site} if candidate.kind == WRONG_VALUE else set())
+        plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
+        cost = float(fits.cost[k])
+        z = _significance(products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
+        return Trial(
+            candidate,
+            plant,
+            known,
+            engine,
+            batch,
+            fits.vectors[k],
+            free,
+            fits.initial[k],
+            cost,
+            cv,
+            z,
+            len(free) - base,
+        )
+
+    def polish(self, plant: Plant, known: frozenset[str], near: NDArray[np.float64], accepted: tuple) -> State:
+        """The model as it stands fitted to convergence, in a program of its own structure.
+
+        Args:
+            plant: structure and start.
+            known: parameters that are not estimated.
+            near: initial states to start from.
+            accepted: what was added to the model as given.
+        """
+        engine = Engine(plant)
+        vector = np.array(engine.table.ravel(plant), dtype=float)
+        free = free_places(engine.table, known, self.setting)
+        free = np.setdiff1d(free, anchored(engine.table, vector))
+        batch = lanes_for(engine.table, plant, self.setting, self.setting.recordings, self.window)
+        initial = batch.initial.copy()
+        initial[:, :6] = near[:, :6]
+        width = columns_for(len(free))
+        fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
+        cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, _folds(batch))
+        return State(
+            engine.table.unravel(fits.vectors[0]),
+            known,
+            engine,
+            batch,
+            fits.vectors[0],
+            free,
+            fits.initial[0],
+            float(fits.cost[0]),
+            cv,
+            accepted,
+        )
+
+
+_ADDED_LEVELS = {
+    "direction_dependent_friction": ("positive", "negative"),
+    "position_dependent_friction": ("levels",),
+    "position_direction_friction": ("positive", "negative"),
+    "stribeck_friction": ("level",),
+}
+"""Levels of which, beside a Coulomb friction, the smallest stands at zero."""
+
+
+def anchored(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Places of the levels that stay at zero because a Coulomb friction on the same axis takes the common part."""
+    held = []
+    for kind, keys in _ADDED_LEVELS.items():
+        for site in ("cart", "swing", "hoist"):
+            try:
+                places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]
+                table.positions(f"coulomb_friction@{site}.level")
+            except KeyError:
+                continue
+            held.append(places[int(np.argmin(vector[places]))])
+    return np.array(held, np.int64)
+
+
+def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Moves what an added friction has in common with the axis' Coulomb friction to the latter."""
+    vector = vector.copy()
+    for kind, keys in _ADDED_LEVELS.items():
+        for site in ("cart", "swing", "hoist"):
+            try:
+                places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]
+                plain = table.positions(f"coulomb_friction@{site}.level")
+            except KeyError:
+                continue
+            common = float(vector[places].min())
+            if kind == "stribeck_friction":
+                places = [*places, *table.positions(f"{kind}@{site}.breakaway")]
+            vector[places] -= common
+            vector[plain] += common
+    return vector
+
+
+def _with_candidate(
+    state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]
+) -> Plant:
+    """The state's plant with the candidate's effect, all at the refitted values."""
+    fitted = table.unravel(vector)
+    keep = {(effect.kind, effect.site) for effect in state.plant.effects}
+    if candidate.kind != WRONG_VALUE:
+        keep.add(candidate.name)
+    effects = tuple(e for e in fitted.effects if (e.kind, e.site) in keep)
+    plant = Plant(fitted.bridge, effects)
+    own = ParameterTable(plant)
+    return own.unravel(settle_levels(own, np.array(own.ravel(plant))))
+
+
+def _significance(
+    products: NDArray[np.float64],
+    free: NDArray[np.int64],
+    width: int,
+    initial: NDArray[np.float64],
+    batch: Batch,
+    vector: NDArray[np.float64],
+    base: int,
+    cost: float,
+    table: ParameterTable,
+) -> float:
+    """How far the candidate's strongest parameter stands from its null value, in standard deviations."""
+    reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
+    covariance = covariance_of(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
+    best = 0.0
+    for j in range(base, len(free)):
+        info = table.entry(int(free[j])).info
+        std = float(np.sqrt(max(covariance[j, j], 1e-300)))
+        best = max(best, abs(vector[free[j]] - info.null) / std)
+    return best
+
+
+def covariance_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a normal matrix, scaled first; directions that the data do not determine come out large."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
+    return inverse / np.outer(scale, scale)
+
+
+def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
+    """The best candidates and the best of each site, with a second seed where one is nearly as good."""
+    seen: dict[tuple[str, str], int] = {}
+    sites: set[str] = set()
+    chosen = []
+    names = 0
+    for item in ranked:
+        name = item.candidate.name
+        number = seen.get(name, 0)
+        if number == 0 and (names < REFITS or item.candidate.site not in sites):
+            chosen.append(item)
+            seen[name] = 1
+            names += 1
+            sites.add(item.candidate.site)
+        elif number == 1 and item.candidate.values and names <= REFITS:
+            chosen.append(item)
+            seen[name] = 2
+    return chosen
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    best: dict[tuple[str, str], Trial] = {}
+    for trial in trials:
+        if trial.candidate.name not in best or trial.cost < best[trial.candidate.name].cost:
+            best[trial.candidate.name] = trial
+    return sorted(best.values(), key=lambda t: t.score)
+
+
+def _shortest(recordings: Sequence[Any]) -> tuple:
+    return (min(recordings, key=lambda r: r.duration),)
+
+
+def is_mechanism(plant: Plant) -> bool:
+    return any(isinstance(effect, AbstractMechanism) for effect in plant.effects)
+
+
+def accepts(state: State, trial: Trial) -> str:
+    """Empty if the trial passes; otherwise why it does not."""
+    if not trial.cost < state.cost * (1 - _GAIN):
+        return "gains too little"
+    if not trial.cross_validated < state.cross_validated * (1 - _GAIN):
+        return "does not hold on recordings left out"
+    if trial.z < 4.0:
+        return "its interval includes its absence"
+    return ""

@@ -1,0 +1,117 @@
+"""From a poor start to the best fit of one model structure.
+
+Short windows first: there a wrong gain cannot carry the simulation away, so the fit is nearly a linear regression on
+the motion. Then whole recordings, where small errors add up and parameters become sharp. Several starts guard against
+the trade between a dead zone and a Coulomb friction of the same axis.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.plant import Plant
+from .lanes import Batch
+from .linearise import Engine
+from .setting import Setting, free_places, lanes_for
+from .solve import Fits, solve
+
+SHORT = 1.0
+"""Length of the first windows [s]."""
+_STARTS = 4
+_SPREAD = 0.3
+"""Relative spread of the further starts."""
+_COLUMNS = (8, 16, 24, 32, 48, 64)
+"""Numbers of parameter columns that programs are compiled for."""
+
+
+def columns_for(count: int) -> int:
+    """The smallest compiled width that holds `count` free parameters."""
+    return next((c for c in _COLUMNS if c >= count), count)
+
+
+@dataclasses.dataclass
+class BaseFit:
+    """One structure, fitted to windows and to whole recordings."""
+
+    engine: Engine
+    free: NDArray[np.int64]
+    free_run: Batch
+    windows: Batch
+    window_vector: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    fits: Fits
+    """The free-run fit, one row."""
+    window_chi: float
+    """Root mean square of residuals over noise, in windows, at the windows' own fit."""
+
+    @property
+    def chi(self) -> float:
+        """The same for free runs."""
+        return chi(self.fits.cost[0], self.free_run)
+
+
+def chi(cost: float, batch: Batch) -> float:
+    """Root mean square of weighted residuals."""
+    return float(np.sqrt(cost / max(measurements(batch), 1)))
+
+
+def measurements(batch: Batch) -> int:
+    """Number of measured values."""
+    return int((np.asarray(batch.lanes.weight) > 0).sum())
+
+
+def base_fit(
+    plant: Plant,
+    known: frozenset[str],
+    setting: Setting,
+    *,
+    seed: int = 0,
+    starts: int = _STARTS,
+    progress: Callable[[str], None] | None = None,
+) -> BaseFit:
+    """Fits everything that is not known to the training recordings.
+
+    Args:
+        plant: structure and start.
+        known: parameters that are not estimated.
+        setting: recordings and noise.
+        seed: of the further starts.
+        starts: number of starts, the given one included.
+        progress: told what goes on.
+    """
+    engine = Engine(plant)
+    table = engine.table
+    free = free_places(table, known, setting)
+    start = np.array(table.ravel(plant), dtype=float)
+    windows = lanes_for(table, plant, setting, setting.recordings, SHORT)
+    whole = lanes_for(table, plant, setting, setting.recordings)
+    columns = columns_for(len(free))
+    low, high = table.bounds()
+    rng = np.random.default_rng(seed)
+    rows = np.repeat(start[None], starts, axis=0)
+    factors = np.exp(_SPREAD * rng.uniform(-1, 1, (starts - 1, len(free))))
+    rows[1:, free] = np.clip(rows[1:, free] * factors, low[free], high[free])
+    if len(free) and starts > 1:
+        tries = solve(engine, windows, rows, [free] * starts, columns=columns, iterations=6, tolerance=1e-2)
+        best = int(np.nanargmin(tries.cost))
+        rows, initial = tries.vectors[best][None], tries.initial[best][None]
+    else:
+        rows, initial = rows[:1], None
+    if progress is not None:
+        progress("fitting the model to short windows")
+    short = solve(engine, windows, rows, [free], initial=initial, columns=columns, iterations=12)
+    if progress is not None:
+        progress("fitting the model to whole recordings")
+    fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)
+    return BaseFit(
+        engine,
+        free,
+        whole,
+        windows,
+        short.vectors[0],
+        fits.vectors[0],
+        fits,
+        chi(short.cost[0], windows),
+    )

@@ -1,0 +1,142 @@
+"""The force that a recorded motion needs beyond what the model has, along one recording.
+
+Measured coordinates are smoothed by local parabolas; the equations of motion turn position, velocity and acceleration
+into the generalized force that must have acted, and the model's own forces, smoothed alike, are taken off. It needs
+no simulation, so it cannot run away: a superb view of where a mismatch sits, and a poor judge of what it is.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from .._types import AXES, Axes
+from ..model.plant import Motion, Plant
+from ..recordings import Recording
+from ..rollout import Lane, drive_inputs
+
+_HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
+"""Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Balance:
+    """Residual force of one recording on an even grid."""
+
+    times: NDArray[np.float64]
+    q: Mapping[str, NDArray[np.float64]]
+    v: Mapping[str, NDArray[np.float64]]
+    force: Mapping[str, NDArray[np.float64]]
+    """Missing force by axis [N, N m, N]; NaN where the axis rests or reverses, since friction may hold anything."""
+    u: Mapping[str, NDArray[np.float64]]
+
+
+def balance(plant: Plant, recording: Recording) -> Balance:
+    """Residual force of a recording under a plant."""
+    period = max(recording.period, 0.002)
+    t = np.arange(0.0, recording.duration, period)
+    rows = recording.times - recording.times[0]
+    q, v, a = {}, {}, {}
+    for axis in AXES:
+        values = getattr(recording, axis)
+        if values is None:
+            length = recording.locked_length if axis == "l" else None
+            q[axis] = np.full_like(t, length if length is not None else (0.5 if axis == "l" else 0.0))
+            v[axis], a[axis] = np.zeros_like(t), np.zeros_like(t)
+            continue
+        fresh = recording.fresh[axis]
+        even = np.interp(t, rows[fresh], values[fresh])
+        half = max(_HALF_WIDTH[axis], 4.0 * float(np.median(np.diff(rows[fresh]))))
+        width = 2 * max(2, round(half / period)) + 1
+        width = min(width, (len(t) - 1) // 2 * 2 - 1)
+        q[axis], v[axis], a[axis] = (
+            savgol_filter(even, width, 2, deriv=order, delta=period, mode="nearest") for order in range(3)
+        )
+        if axis == "l" and not recording.has_hoist:
+            v[axis], a[axis] = np.zeros_like(t), np.zeros_like(t)
+    half = max(_HALF_WIDTH["x"], 0.0)
+    width = 2 * max(2, round(half / period)) + 1
+    held = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
+    u = {name: getattr(recording, name)[held] for name in ("u_x", "u_l") if getattr(recording, name) is not None}
+    inputs = np.stack([u.get(name, np.zeros_like(t)) for name in ("u_x", "u_l")], axis=1)
+    volts = _behind_drives(plant, t, inputs, period)
+    force = _residual(plant, t, q, v, a, volts, recording)
+    out = {}
+    for axis in AXES:
+        moves = {"x": recording.has_cart, "psi": recording.psi is not None, "l": recording.has_hoist}[axis]
+        if not moves:
+            continue
+        values = force[axis]
+        known = np.isfinite(values)
+        filled = np.where(known, values, 0.0)
+        weight = np.convolve(known, np.ones(width) / width, mode="same")
+        smooth = np.convolve(filled, np.ones(width) / width, mode="same") / np.maximum(weight, 1e-9)
+        out[axis] = np.where(known & (weight > 0.99), smooth, np.nan)
+    return Balance(t, q, v, out, u)
+
+
+def _behind_drives(
+    plant: Plant, t: NDArray[np.float64], inputs: NDArray[np.float64], period: float
+) -> dict[str, NDArray[np.float64]]:
+    one = jnp.ones(())
+    lane = Lane(jnp.zeros(()), jnp.full(len(t), period), jnp.asarray(inputs), jnp.zeros(0), Axes(one, one, one))
+    chain, _ = drive_inputs(plant, lane)
+    chain = np.asarray(chain)
+    constants = plant.time_constants()
+    volts = {}
+    for k, axis in enumerate(("x", "l")):
+        w = chain[:, k]
+        constant = float(getattr(constants, axis))
+        if constant > 0:
+            keep = float(np.exp(-period / constant))
+            state, lagged = 0.0, np.empty_like(w)
+            for i, value in enumerate(w):
+                lagged[i] = state
+                state = value + (state - value) * keep
+            w = lagged
+        volts[axis] = w
+    return volts
+
+
+def _residual(
+    plant: Plant,
+    t: NDArray[np.float64],
+    q: Mapping[str, NDArray[np.float64]],
+    v: Mapping[str, NDArray[np.float64]],
+    a: Mapping[str, NDArray[np.float64]],
+    volts: Mapping[str, NDArray[np.float64]],
+    recording: Recording,
+) -> dict[str, NDArray[np.float64]]:
+    """Needed force less the model's, before smoothing; mechanisms' hidden coordinates are taken as at rest."""
+    b = plant.bridge
+    loaded = recording.has_swing or recording.has_hoist
+
+    def at(t: jax.Array, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
+        m = b.mass_matrix(q)
+        if not loaded:
+            m = m._replace(xx=m.xx - b.load_mass)
+        needed = m @ a
+        bias = b.bias(q, v)
+        force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
+        drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q))
+        up, down = plant.friction_levels(t, q, v)
+        rest = Axes(
+            *(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True))
+        )
+        return rest, up, down
+
+    axes = [Axes(*(jnp.asarray(part[axis]) for axis in AXES)) for part in (q, v, a)]
+    drive = Axes(jnp.asarray(volts["x"]), jnp.zeros(len(t)), jnp.asarray(volts["l"]))
+    rest, up, down = jax.vmap(at)(jnp.asarray(t), *axes, drive)
+    out = {}
+    for k, axis in enumerate(AXES):
+        speed = v[axis]
+        # An axis counts as moving above a speed at which the smoothing window sees no reversal.
+        slow = 0.08 * max(float(np.quantile(np.abs(speed), 0.9)), 1e-6)
+        friction = np.where(speed > 0, -np.asarray(up[k]), np.asarray(down[k]))
+        out[axis] = np.where(np.abs(speed) > slow, np.asarray(rest[k]) - friction, np.nan)
+    return out

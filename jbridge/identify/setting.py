@@ -1,0 +1,187 @@
+"""A model and recordings made ready for fits: which parameters are free, the noise, the lanes."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES
+from ..errors import InputError
+from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
+from ..model.effects.friction import CoulombFriction
+from ..model.files import Model, requires
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..recordings import Recording, constant_inputs
+from .lanes import Batch, make_batch
+from .noise import noise_floor
+
+_PART_OF = {
+    "cart_mass": "x",
+    "cart_damping": "x",
+    "cart_gain": "x",
+    "swing_damping": "psi",
+    "winch_mass": "l",
+    "hoist_damping": "l",
+    "hoist_gain": "l",
+    "load_mass": "psi",
+    "gravity": "psi",
+}
+"""The axis that must move for a number of the bridge to matter."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """What does not change during a fit or a diagnosis."""
+
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    noise: Mapping[str, float]
+    axes: tuple[str, ...]
+    """Axes that move in some recording."""
+    units: Mapping[str, str]
+    """Unit of each input."""
+    length: float
+    """Mean rope length of the recordings [m]."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Measured channels."""
+        return tuple(self.noise)
+
+
+def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
+    """Checks that model and recordings go together.
+
+    Raises:
+        InputError: a part that the recordings have is missing in the model, or an input never changes while its
+            gain is to be estimated.
+    """
+    everything = (*recordings, *holdout)
+    moving = {
+        "x": any(r.has_cart for r in everything),
+        "psi": any(r.has_swing for r in everything),
+        "l": any(r.has_hoist for r in everything),
+    }
+    axes = tuple(axis for axis in AXES if moving[axis])
+    requires(model, axes)
+    still = constant_inputs(tuple(recordings))
+    for name, gain in (("u_x", "cart_gain"), ("u_l", "hoist_gain")):
+        if name in still and gain not in model.known:
+            names = ", ".join(r.name for r in recordings if getattr(r, name) is not None)
+            raise InputError(
+                f"{names}: {name} never changes, so {gain} cannot be estimated: record a run in which it changes, "
+                f"or list {gain} under known in the model"
+            )
+    units: dict[str, str] = {}
+    for recording in everything:
+        units |= recording.units
+    lengths = [
+        float(np.mean(r.l)) if r.l is not None else r.locked_length
+        for r in everything
+        if r.l is not None or r.locked_length is not None
+    ]
+    known_lengths = [value for value in lengths if value is not None]
+    length = float(np.mean(known_lengths)) if known_lengths else 0.5
+    return Setting(
+        tuple(recordings), tuple(holdout), noise_floor(everything), axes, units, length
+    )
+
+
+def resolve(plant: Plant, length: float) -> Plant:
+    """The plant with reference lengths that the model file leaves open set to the recordings' mean rope length [m]."""
+    effects = []
+    for effect in plant.effects:
+        reference = getattr(effect, "length", None)
+        if reference is not None and bool(jnp.isnan(reference)):
+            effect = eqx.tree_at(lambda e: e.length, effect, jnp.asarray(length))
+        effects.append(effect)
+    return Plant(plant.bridge, tuple(effects))
+
+
+def free_places(table: ParameterTable, known: frozenset[str], setting: Setting) -> NDArray[np.int64]:
+    """Places of the parameters that a fit estimates: not known, of parts that move, and meant to be fitted."""
+    known_places = {place for name in known for place in table.positions(name)}
+    places = []
+    for place, may in enumerate(table.fitted()):
+        if not may or place in known_places:
+            continue
+        entry = table.entry(place)
+        if entry.owner < 0:
+            axis = _PART_OF[entry.key]
+            if axis not in setting.axes and not (entry.key == "load_mass" and "l" in setting.axes):
+                continue
+        else:
+            site = entry.group.split("@", 1)[1].split(".")[0].split("#")[0]
+            # A locked rope's length sensor still tells the length.
+            if AXIS_OF_SITE[site] not in setting.axes and site != "l_sensor":
+                continue
+        places.append(place)
+    return np.array(places, np.int64)
+
+
+def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[dict[int, float]]:
+    """Each recording's own parameter values, by place."""
+    return [
+        {place: value for name, value in recording.override.items() for place in table.positions(name)}
+        for recording in recordings
+    ]
+
+
+def lanes_for(
+    table: ParameterTable,
+    plant: Plant,
+    setting: Setting,
+    recordings: Sequence[Recording],
+    window: float | None = None,
+) -> Batch:
+    """Lanes of recordings for a plant, with steps as its stiffness needs them."""
+    hidden = len(plant.mechanisms)
+    return make_batch(
+        recordings,
+        setting.noise,
+        # Half a millimetre of belt at 200 rad/s needs four times the steps of the rigid bridge.
+        step=0.00126 if hidden else 0.0051,
+        window=window,
+        size=table.size,
+        overrides=overrides(table, recordings),
+        hidden=hidden,
+    )
+
+
+def scene_of(setting: Setting, plant: Plant, events: Mapping[str, tuple] | None = None) -> Scene:
+    """What the training recordings cover."""
+    low, high, speed = {}, {}, {}
+    for name in (*AXES, "u_x", "u_l"):
+        parts = [getattr(r, name) for r in setting.recordings if getattr(r, name) is not None]
+        values = np.concatenate(parts) if parts else np.zeros(1)
+        low[name], high[name] = float(values.min()), float(values.max())
+    for axis in AXES:
+        rates = []
+        for r in setting.recordings:
+            values = getattr(r, axis)
+            if values is not None:
+                fresh = r.fresh[axis]
+                t, y = r.times[fresh], values[fresh]
+                k = max(1, int(0.05 / max(np.median(np.diff(t)), 1e-6)))
+                rates.append(np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k]))
+        speed[axis] = float(np.quantile(np.concatenate(rates), 0.95)) if rates else 0.1
+    friction = dict.fromkeys(SITES, 0.0)
+    for site in (CART, SWING, HOIST):
+        for effect in plant.all(CoulombFriction, site):
+            # A level that the fit has brought to zero still takes what is common to an added law.
+            friction[site] += max(float(effect.level), 1e-9)
+    return Scene(
+        low=low,
+        high=high,
+        speed=speed,
+        duration=max(r.duration for r in setting.recordings),
+        period=float(np.median([r.period for r in setting.recordings])),
+        length=setting.length,
+        bridge={"cart_mass": float(plant.bridge.cart_mass), "load_mass": float(plant.bridge.load_mass), "gravity": float(plant.bridge.gravity)},
+        friction=friction,
+        events=dict(events or {}),
+    )

@@ -1,0 +1,254 @@
+"""`report.html`: the verdict first, then the proof, then what a rig's owner needs in order to believe it."""
+
+from collections.abc import Mapping
+
+from ..diagnosis.result import Diagnosis, NamedEffect
+from .figures.gallery import Gallery
+from .html import (
+    bullets,
+    element,
+    fold,
+    page,
+    paragraph,
+    parameter_table,
+    section,
+    show,
+    show_all,
+    table,
+    tag,
+)
+from .places import when_sentences, where_sentences
+from .quantities import UNKNOWN, digits, percent, shown
+from .rows import error_rows, error_text, parameter_rows
+from .trials import trial_table
+from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_meaning, effect_name, site_name
+
+
+def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
+    """The page as HTML, with everything that it needs inside."""
+    return page(
+        f"{VERDICTS[diagnosis.verdict]} - jbridge",
+        [
+            _header(diagnosis),
+            _fit(diagnosis, gallery),
+            _effects(diagnosis, gallery),
+            _place(diagnosis, gallery),
+            section("Recorded and simulated", show_all(gallery.signals)),
+            section("What simulation leaves", show_all(gallery.residuals)),
+            _parameters(diagnosis, gallery),
+            _next_experiment(diagnosis),
+            _trials(diagnosis),
+            section("Notes on the recordings", bullets(diagnosis.notes)),
+            _footer(diagnosis),
+        ],
+    )
+
+
+def _header(diagnosis: Diagnosis) -> str:
+    location = diagnosis.location
+    place = site_name(location.site)
+    if location.equation in EQUATIONS:
+        place += f" ({EQUATIONS[location.equation]})"
+    named = "; ".join(effect_name(effect.kind, effect.site) for effect in diagnosis.effects)
+    facts = [
+        ("Place", capital(place) if diagnosis.adequacy.alarm or location.site else "none"),
+        ("Named physics", capital(named) if named else "none"),
+        ("Hold-out error, before and after", _worst(diagnosis)),
+    ]
+    shown_facts = "".join(element("div", tag("dt", name) + tag("dd", value)) for name, value in facts)
+    return element(
+        "header",
+        tag("p", VERDICTS[diagnosis.verdict], "verdict")
+        + tag("h1", diagnosis.statement)
+        + element("dl", shown_facts)
+        + bullets(diagnosis.warnings, "warnings"),
+        diagnosis.verdict,
+    )
+
+
+def _worst(diagnosis: Diagnosis) -> str:
+    """The hold-out error of the channel that was worst, in units and as a multiple of the noise."""
+    before, after = diagnosis.holdout_before.free_run, diagnosis.holdout_after.free_run
+    noise = diagnosis.noise
+    ratios = {channel: before[channel] / noise[channel] for channel in before if noise.get(channel)}
+    if not ratios:
+        return UNKNOWN
+    channel = max(ratios, key=lambda name: ratios[name])
+    row = error_rows({channel: before[channel]}, {channel: after[channel]}, noise)[0]
+    if diagnosis.effects:
+        return f"{CHANNELS[channel]}: {row.before} to {row.after} ({row.after_ratio})"
+    return f"{CHANNELS[channel]}: {row.after} ({row.after_ratio})"
+
+
+def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
+    names = ", ".join(diagnosis.holdout)
+    adequacy = diagnosis.adequacy
+    learnable = (
+        f"Before anything was added, {percent(adequacy.learnable_before)} of the unexplained force repeated from"
+        f" recording to recording; {percent(adequacy.learnable_after)} does now."
+    )
+    return section(
+        "How well it fits, before and after",
+        paragraph(
+            f"The proof is on recordings that were opened once, after the model was frozen: {names}."
+            if names
+            else "No recording was held out."
+        ),
+        show_all(gallery.improvement),
+        tag("h3", "Hold-out, whole recordings"),
+        errors_table(diagnosis.holdout_before.free_run, diagnosis.holdout_after.free_run, diagnosis.noise),
+        tag("h3", f"Hold-out, windows of {diagnosis.window:g} s"),
+        errors_table(diagnosis.holdout_before.window, diagnosis.holdout_after.window, diagnosis.noise),
+        tag("h3", "Training recordings, whole"),
+        errors_table(diagnosis.train_before.free_run, diagnosis.train_after.free_run, diagnosis.noise),
+        paragraph(f"{learnable} {_alarm(diagnosis)}"),
+        paragraph(
+            "Errors are root mean squares of simulations that are given the inputs and the start alone. 'Before' is the"
+            " model as given with its unknown numbers fitted anew, 'after' the final model. An error of 1 × noise is as"
+            " good as the sensors can show. In windows a simulation starts anew each time, so slow drift counts less.",
+            "soft",
+        ),
+    )
+
+
+def _alarm(diagnosis: Diagnosis) -> str:
+    adequacy = diagnosis.adequacy
+    chance = "" if not adequacy.p_value == adequacy.p_value else f", p = {digits(adequacy.p_value, 2)}"
+    if adequacy.alarm:
+        return f"The model as given does not explain the recordings{chance}."
+    return f"The model as given, refitted, explains what can be explained{chance}."
+
+
+def errors_table(before: Mapping[str, float] | None, after: Mapping[str, float], noise: Mapping[str, float]) -> str:
+    """A table of errors per channel; without the columns of before and of the gap where there is no before."""
+    rows = error_rows(before, after, noise)
+    if before is None:
+        return table(
+            ("channel", "rms error", "", "noise"),
+            [(CHANNELS[row.channel], row.after, row.after_ratio, row.noise) for row in rows],
+            numbers=(1, 2, 3),
+        )
+    return table(
+        ("channel", "before", "", "after", "", "noise", "gap closed"),
+        [
+            (
+                CHANNELS[row.channel],
+                row.before,
+                row.before_ratio,
+                row.after,
+                row.after_ratio,
+                row.noise,
+                row.closed,
+            )
+            for row in rows
+        ],
+        numbers=(1, 2, 3, 4, 5, 6),
+    )
+
+
+def _effects(diagnosis: Diagnosis, gallery: Gallery) -> str:
+    if not diagnosis.effects:
+        none = {
+            "adequate": "Nothing needs to be added to the model.",
+            "unknown": "No physics of the catalogue explains what is missing, so none is named.",
+        }
+        return section("What is missing", paragraph(none.get(diagnosis.verdict, "")))
+    heading = "What is missing" if diagnosis.verdict != "unknown" else "What was found, though more is missing"
+    return section(heading, *(_effect(effect, diagnosis, gallery) for effect in diagnosis.effects))
+
+
+def _effect(effect: NamedEffect, diagnosis: Diagnosis, gallery: Gallery) -> str:
+    chance = "" if effect.probability is None else f" - probability {percent(effect.probability)}"
+    meaning = effect_meaning(effect.kind, effect.site)
+    return "\n".join(
+        piece
+        for piece in (
+            tag("h3", capital(effect_name(effect.kind, effect.site)) + chance),
+            paragraph(effect.statement or capital(meaning)),
+            paragraph(f"In other words: {meaning}.", "soft") if effect.statement and meaning else "",
+            parameter_table(parameter_rows(effect.parameters, effect.kind, effect.site, diagnosis.model.known)),
+            show((gallery.maps or {}).get((effect.kind, effect.site))),
+            _rivals(effect, diagnosis),
+        )
+        if piece
+    )
+
+
+def _rivals(effect: NamedEffect, diagnosis: Diagnosis) -> str:
+    if not effect.equivalents:
+        return paragraph("No other explanation that was tried does as well.", "soft")
+    channels = [channel for channel in CHANNELS if any(channel in rival.holdout for rival in effect.equivalents)]
+    rows = [
+        (
+            capital(effect_name(rival.kind, rival.site)),
+            percent(rival.probability),
+            "; ".join(f"{key} {shown(estimate).text}" for key, estimate in rival.parameters.items()),
+            *(error_text(channel, rival.holdout.get(channel)) for channel in channels),
+        )
+        for rival in effect.equivalents
+    ]
+    own = (
+        capital(effect_name(effect.kind, effect.site)),
+        percent(effect.probability),
+        "as above",
+        *(error_text(channel, diagnosis.holdout_after.free_run.get(channel)) for channel in channels),
+    )
+    return paragraph("These recordings cannot tell it from:") + table(
+        ("explanation", "probability", "with", *(f"hold-out error {channel}" for channel in channels)),
+        [own, *rows],
+        numbers=(1, *range(3, 3 + len(channels))),
+    )
+
+
+def _place(diagnosis: Diagnosis, gallery: Gallery) -> str:
+    location = diagnosis.location
+    sentences = [*where_sentences(diagnosis), *when_sentences(diagnosis)]
+    found = (
+        f"The evidence points to the {site_name(location.site)}." if location.site else "The evidence points nowhere."
+    )
+    return section(
+        "Where and when",
+        paragraph(found),
+        bullets(sentences),
+        show_all(gallery.evidence),
+        show_all(gallery.forces),
+    )
+
+
+def _parameters(diagnosis: Diagnosis, gallery: Gallery) -> str:
+    known = diagnosis.model.known
+    pieces = [parameter_table(parameter_rows(diagnosis.bridge, known=known))]
+    for effect in diagnosis.model_effects:
+        pieces += [
+            tag("h3", capital(effect_name(effect.kind, effect.site))),
+            parameter_table(parameter_rows(effect.parameters, effect.kind, effect.site, known)),
+            show((gallery.maps or {}).get((effect.kind, effect.site))),
+        ]
+    return section("The model's own numbers, refitted", *pieces)
+
+
+def _next_experiment(diagnosis: Diagnosis) -> str:
+    experiment = diagnosis.next_experiment
+    if experiment is None:
+        return ""
+    return section(
+        "What to record next",
+        paragraph(experiment.purpose),
+        paragraph("It would separate:") + bullets(experiment.separates) if experiment.separates else "",
+        paragraph("The input is in next_experiment.csv beside this page, ready to play."),
+    )
+
+
+def _trials(diagnosis: Diagnosis) -> str:
+    count = len(diagnosis.trials)
+    many = f"{count} explanation{'s' if count != 1 else ''} refitted; show them"
+    return section("What was tried", fold(many, trial_table(diagnosis.trials)))
+
+
+def _footer(diagnosis: Diagnosis) -> str:
+    settings = table(("setting", "value"), [(name, str(value)) for name, value in diagnosis.settings.items()])
+    return element(
+        "footer",
+        fold("settings", settings)
+        + paragraph(f"The diagnosis took {digits(diagnosis.seconds)} s. The same numbers, in SI units: report.json."),
+    )

@@ -1,0 +1,1 @@
+"""The figures of reports: one file per question that an engineer asks first."""

@@ -1,0 +1,153 @@
+"""Which figures a report shows, of which recordings."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...diagnosis.result import Diagnosis, Interval, NamedEffect, Region
+from ...identify.result import Errors, Fit, Trace
+from ..rows import parts, units_of
+from ..words import AXIS_OF_EQUATION, input_units
+from .evidence import draw_evidence
+from .force import draw_force
+from .friction_map import draw_friction_map
+from .improvement import draw_improvement
+from .residuals import draw_residuals
+from .signals import draw_signals
+from .style import Picture
+
+AFTER_DIAGNOSIS = ("model as given, refitted", "final model")
+AFTER_FIT = ("model as given", "fitted model")
+_MOST_HOLDOUTS = 3
+OWN_NAME = re.compile(
+    r"(improvement|places|force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
+    r"|friction-map-position-(dependent|direction)-friction-.+)\.png"
+)
+"""What the files of figures are called."""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """The figures of a report by what they answer."""
+
+    improvement: tuple[Picture, ...] = ()
+    evidence: tuple[Picture, ...] = ()
+    forces: tuple[Picture, ...] = ()
+    maps: Mapping[tuple[str, str], Picture] | None = None
+    """By kind and site of the effect."""
+    signals: tuple[Picture, ...] = ()
+    residuals: tuple[Picture, ...] = ()
+
+    def all(self) -> tuple[Picture, ...]:
+        maps = tuple((self.maps or {}).values())
+        return (*self.improvement, *self.evidence, *self.forces, *maps, *self.signals, *self.residuals)
+
+
+def diagnosis_gallery(diagnosis: Diagnosis) -> Gallery:
+    units = input_units(units_of(diagnosis.bridge))
+    location = diagnosis.location
+    traces = choose(diagnosis.traces, diagnosis.noise, location.when)
+    labels = _labels(diagnosis.traces, AFTER_DIAGNOSIS)
+    return Gallery(
+        improvement=_improvement(
+            diagnosis.holdout_before, diagnosis.holdout_after, diagnosis.noise, diagnosis.window, labels
+        ),
+        evidence=_present(draw_evidence("places", location.sites, location.site)),
+        forces=_forces(diagnosis.traces, AXIS_OF_EQUATION.get(location.equation), location.where, units, labels),
+        maps=_maps((*diagnosis.effects, *diagnosis.model_effects)),
+        signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
+        residuals=tuple(
+            draw_residuals(_name("residuals", trace), trace, diagnosis.noise, location.when, labels) for trace in traces
+        ),
+    )
+
+
+def fit_gallery(fit: Fit) -> Gallery:
+    bridge, *effects = parts(fit)
+    units = input_units(units_of(bridge.parameters))
+    traces = choose(fit.traces, fit.noise, ())
+    labels = _labels(fit.traces, AFTER_FIT)
+    return Gallery(
+        maps=_maps([NamedEffect(part.kind or "", part.site or "", None, part.parameters, (), "") for part in effects]),
+        signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
+        residuals=tuple(draw_residuals(_name("residuals", trace), trace, fit.noise, (), labels) for trace in traces),
+    )
+
+
+def choose(traces: Sequence[Trace], noise: Mapping[str, float], when: Sequence[Interval]) -> list[Trace]:
+    """The hold-out recordings, the training recording that is met worst, and the first in which the mismatch sits."""
+    holdouts = [trace for trace in traces if trace.role == "holdout"][:_MOST_HOLDOUTS]
+    training = [trace for trace in traces if trace.role != "holdout"]
+    worst = sorted(training, key=lambda trace: -misfit(trace, noise))[:1]
+    named = [trace for interval in when[:1] for trace in training if trace.recording == interval.recording]
+    chosen = {id(trace): trace for trace in (*holdouts, *worst, *named)}
+    return list(chosen.values())
+
+
+def misfit(trace: Trace, noise: Mapping[str, float]) -> float:
+    """Largest rms error of the simulation before, as a multiple of the noise, over the channels."""
+    ratios = [0.0]
+    for channel, measured in trace.measured.items():
+        left = (measured - trace.before[channel])[np.isfinite(measured)] if channel in trace.before else np.empty(0)
+        if left.size and noise.get(channel):
+            ratio = float(np.sqrt(np.mean(left**2))) / noise[channel]
+            # A run that goes astray is the worst of all.
+            ratios.append(ratio if np.isfinite(ratio) else np.inf)
+    return max(ratios)
+
+
+def _labels(traces: Sequence[Trace], labels: tuple[str, str]) -> tuple[str, str]:
+    """The names of the simulations; where both are the same, the first is left out."""
+    same = all(
+        np.array_equal(values, trace.after.get(channel, np.empty(0)), equal_nan=True)
+        for trace in traces
+        for channel, values in trace.before.items()
+    )
+    return ("", labels[0] if labels is AFTER_DIAGNOSIS else labels[1]) if same else labels
+
+
+def _improvement(
+    before: Errors, after: Errors, noise: Mapping[str, float], window: float, labels: tuple[str, str]
+) -> tuple[Picture, ...]:
+    return _present(draw_improvement("improvement", before, after, noise, window, labels))
+
+
+def _forces(
+    traces: Sequence[Trace],
+    axis: str | None,
+    where: Sequence[Region],
+    units: Mapping[str, str],
+    labels: tuple[str, str],
+) -> tuple[Picture, ...]:
+    """The axis at fault; all axes where none is."""
+    training = [trace for trace in traces if trace.role != "holdout"] or list(traces)
+    axes = [axis] if axis else ["x", "psi", "l"]
+    pictures = [
+        draw_force(f"force-{other}", training, other, where if other == axis else (), units, labels) for other in axes
+    ]
+    return tuple(picture for picture in pictures if picture is not None)
+
+
+def _maps(effects: Sequence[NamedEffect]) -> Mapping[tuple[str, str], Picture]:
+    pictures = {
+        (effect.kind, effect.site): draw_friction_map(
+            f"friction-map-{_slug(effect.kind)}-{_slug(effect.site)}", effect.kind, effect.site, effect.parameters
+        )
+        for effect in effects
+    }
+    return {key: picture for key, picture in pictures.items() if picture is not None}
+
+
+def _present(picture: Picture | None) -> tuple[Picture, ...]:
+    return () if picture is None else (picture,)
+
+
+def _name(prefix: str, trace: Trace) -> str:
+    return f"{prefix}-{_slug(trace.role)}-{_slug(trace.recording.rpartition('.')[0] or trace.recording)}"
+
+
+def _slug(text: str) -> str:
+    """A piece of a file name from a name that may hold anything."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-")[:60] or "unnamed"

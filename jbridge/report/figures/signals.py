@@ -1,0 +1,85 @@
+"""Recorded and simulated signals over time, and below them what was played."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ...identify.result import Trace
+from ..quantities import Scale, pretty_unit
+from .style import AFTER, BEFORE, RECORDED, Picture, picture
+
+_AXES = {
+    "x": ("cart position x", Scale(1.0, "m")),
+    "psi": ("swing angle psi", Scale(57.29577951308232, "deg")),
+    "l": ("rope length l", Scale(1.0, "m")),
+}
+_INPUTS = {"u_x": "cart drive\nu_x", "u_l": "hoist drive\nu_l"}
+
+
+def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tuple[str, str]) -> Picture:
+    """One recording with its simulations.
+
+    Args:
+        name: of the picture's file.
+        trace: the recording.
+        units: of the inputs.
+        labels: what the simulations before and after are called; one that is empty is left out.
+    """
+    channels = [channel for channel in _AXES if channel in trace.measured]
+    inputs = [channel for channel in _INPUTS if channel in trace.inputs]
+    heights = [2.0] * len(channels) + [1.0] * len(inputs)
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+        for panel, channel in zip(panels, channels, strict=False):
+            _draw_channel(panel, trace, channel, labels)
+        for panel, channel in zip(panels[len(channels) :], inputs, strict=True):
+            panel.step(trace.times, trace.inputs[channel], where="post", color=RECORDED, linewidth=1.0)
+            panel.set_ylabel(f"{_INPUTS[channel]} [{pretty_unit(units[channel])}]")
+        panels[-1].set_xlabel("time from the recording's start [s]")
+        panels[-1].set_xlim(trace.times[0], trace.times[-1])
+        figure.align_ylabels(panels)
+        handles, names = panels[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper left", ncols=3)
+
+    role = "hold-out recording, never used for fitting" if trace.role == "holdout" else "training recording"
+    return picture(name, f"{trace.recording} ({role})", 0.7 + 1.05 * sum(heights), draw)
+
+
+def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, str]) -> None:
+    quantity, scale = _AXES[channel]
+    # A sensor slower than the grid leaves gaps, over which the line is drawn on.
+    seen = np.isfinite(trace.measured[channel])
+    panel.plot(
+        trace.times[seen],
+        scale.factor * trace.measured[channel][seen],
+        color=RECORDED,
+        alpha=0.6,
+        linewidth=3.4,
+        label="recorded",
+    )
+    for simulated, colour, said in zip((trace.before, trace.after), (BEFORE, AFTER), labels, strict=True):
+        if said and channel in simulated:
+            panel.plot(trace.times, scale.factor * simulated[channel], color=colour, linewidth=1.5, label=said)
+    # A simulation that runs away must not flatten the recording.
+    shown = [trace.measured[channel][seen], trace.after.get(channel, np.empty(0))]
+    low, high = _range(np.concatenate(shown), trace.before.get(channel) if labels[0] else None)
+    panel.set_ylim(scale.factor * low, scale.factor * high)
+    panel.set_ylabel(f"{quantity.rpartition(' ')[0]}\n{quantity.rpartition(' ')[2]} [{scale.unit}]")
+
+
+def _range(wanted: NDArray[np.float64], other: NDArray[np.float64] | None) -> tuple[float, float]:
+    """Limits that show all of `wanted`, and of `other` up to twice that span beyond."""
+    wanted = wanted[np.isfinite(wanted)]
+    if not wanted.size:
+        return -1.0, 1.0
+    low, high = float(wanted.min()), float(wanted.max())
+    span = max(high - low, 1e-4)
+    if other is not None and np.isfinite(other).any():
+        low = min(low, max(float(np.nanmin(other)), low - 2 * span))
+        high = max(high, min(float(np.nanmax(other)), high + 2 * span))
+    margin = 0.06 * max(high - low, 1e-4)
+    return low - margin, high + margin

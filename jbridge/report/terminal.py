@@ -1,0 +1,140 @@
+"""The summary that a command prints: the same answers as the page, in the terminal's width."""
+
+import textwrap
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from ..diagnosis.result import Diagnosis, NamedEffect
+from ..identify.result import Estimate, Fit
+from .as_json import INPUT_FILE
+from .files import PathLike
+from .places import when_sentences, where_sentences
+from .quantities import UNKNOWN, join_unit, percent
+from .rows import error_rows, parameter_rows, parts
+from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_name, site_name
+
+_WIDTH = 100
+_INDENT = 12
+
+
+def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> str:
+    """Verdict, place, named physics, rivals, and the fit before and after.
+
+    Args:
+        diagnosis: what to tell.
+        folder: where its files were saved, which are then named.
+    """
+    lines = [VERDICTS[diagnosis.verdict].upper(), *_wrapped("", diagnosis.statement), ""]
+    lines += _wrapped("Place", _place(diagnosis))
+    for sentence in [*where_sentences(diagnosis), *when_sentences(diagnosis)]:
+        lines += _wrapped("", sentence)
+    if not diagnosis.effects:
+        lines += _wrapped("Named", "nothing")
+    for effect in diagnosis.effects:
+        lines += _effect(effect, diagnosis)
+    lines += ["", *_fit(diagnosis)]
+    for warning in diagnosis.warnings:
+        lines += ["", *_wrapped("Warning", warning)]
+    if diagnosis.next_experiment is not None:
+        where = f" (input in {Path(folder) / INPUT_FILE})" if folder is not None else ""
+        lines += ["", *_wrapped("Record next", diagnosis.next_experiment.purpose + where)]
+    if folder is not None:
+        lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'report.html'}"]
+        lines += [f"{'':{_INDENT}}{Path(folder) / 'report.json'}, {Path(folder) / 'model.toml'}"]
+    return "\n".join(lines) + "\n"
+
+
+def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
+    """The fitted numbers with their intervals, and how well they do.
+
+    Args:
+        fit: what to tell.
+        folder: where its files were saved, which are then named.
+    """
+    lines = []
+    known = fit.model.known
+    for part in parts(fit):
+        if part.kind is not None and part.site is not None:
+            lines += ["", capital(effect_name(part.kind, part.site))]
+        lines += _parameters(part.parameters, part.kind, part.site, known, "")
+    for errors, which in ((fit.holdout, "Hold-out"), (fit.train, "Training")):
+        if errors is not None:
+            lines += ["", *_errors(f"{which}, whole recordings", None, errors.free_run, fit.noise)]
+            lines += _errors(f"{which}, windows of {fit.window:g} s", None, errors.window, fit.noise)
+    for warning in fit.warnings:
+        lines += ["", *_wrapped("Warning", warning)]
+    if folder is not None:
+        lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
+        lines += [f"{'':{_INDENT}}{Path(folder) / 'fit.json'}, {Path(folder) / 'model.toml'}"]
+    return "\n".join(lines) + "\n"
+
+
+def _place(diagnosis: Diagnosis) -> str:
+    location = diagnosis.location
+    if location.site is None:
+        equation = EQUATIONS.get(location.equation)
+        return f"no single place in the {equation}" if equation else "none"
+    share = location.sites.get(location.site)
+    evidence = f", {percent(share)} of the evidence" if share is not None else ""
+    return f"{site_name(location.site)} ({EQUATIONS.get(location.equation, 'no equation')}){evidence}"
+
+
+def _effect(effect: NamedEffect, diagnosis: Diagnosis) -> list[str]:
+    chance = "" if effect.probability is None else f", probability {percent(effect.probability)}"
+    lines = _wrapped("Named", effect_name(effect.kind, effect.site) + chance)
+    lines += _parameters(effect.parameters, effect.kind, effect.site, diagnosis.model.known, " " * (_INDENT + 2))
+    for rival in effect.equivalents:
+        said = f"cannot be told from: {effect_name(rival.kind, rival.site)}, probability {percent(rival.probability)}"
+        lines += _wrapped("", said)
+    return lines
+
+
+def _parameters(
+    parameters: Mapping[str, Estimate], kind: str | None, site: str | None, known: Iterable[str], indent: str
+) -> list[str]:
+    rows = parameter_rows(parameters, kind, site, set(known))
+    width = max((len(row.name) for row in rows), default=0)
+    lines = []
+    for row in rows:
+        behind = "" if row.interval == UNKNOWN else row.interval
+        if " to " in behind:
+            behind = f"95 %: {behind}"
+        text = join_unit(row.value, row.unit) + (f"   ({behind})" if behind else "")
+        lines += textwrap.wrap(
+            text,
+            _WIDTH,
+            initial_indent=f"{indent}{row.name:{width}}  ",
+            subsequent_indent=" " * (len(indent) + width + 2),
+        )
+    return lines
+
+
+def _fit(diagnosis: Diagnosis) -> list[str]:
+    before, after = diagnosis.holdout_before, diagnosis.holdout_after
+    lines = _errors("Hold-out, whole recordings", before.free_run, after.free_run, diagnosis.noise)
+    title = f"Hold-out, windows of {diagnosis.window:g} s"
+    return lines + _errors(title, before.window, after.window, diagnosis.noise)
+
+
+def _errors(
+    title: str, before: Mapping[str, float] | None, after: Mapping[str, float], noise: Mapping[str, float]
+) -> list[str]:
+    """A table of errors, by channel."""
+    rows = error_rows(before, after, noise)
+    head = ["before", "after", "noise"] if before is not None else ["rms error", "noise"]
+    cells = [head]
+    for row in rows:
+        first = [f"{row.before} ({row.before_ratio})"] if before is not None else []
+        cells.append([*first, f"{row.after} ({row.after_ratio})", row.noise])
+    widths = [max(len(line[i]) for line in cells) for i in range(len(head))]
+    names = [title, *(f"  {CHANNELS[row.channel]}" for row in rows)]
+    left = max(28, *map(len, names))
+    return [
+        f"{name:{left}}  " + "  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True))
+        for name, line in zip(names, cells, strict=True)
+    ]
+
+
+def _wrapped(name: str, text: str) -> list[str]:
+    """A paragraph behind a name in the margin."""
+    return textwrap.wrap(text, _WIDTH, initial_indent=f"{name:{_INDENT}}", subsequent_indent=" " * _INDENT) or [name]

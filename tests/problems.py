@@ -1,0 +1,125 @@
+"""Cases that several tests share: a laboratory bridge, lanes of held inputs, and the engine compiled at its edge."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jbridge._types import Axes
+from jbridge.model.bridge import Bridge
+from jbridge.model.effects.base import AbstractEffect
+from jbridge.model.plant import Motion, Plant
+from jbridge.model.superset import make_effect
+from jbridge.rollout import Lane, readings, rollout
+
+PERIOD = 0.005
+"""Sampling period of the rig [s]."""
+
+NUMBERS = {
+    "cart_mass": 5.5,
+    "load_mass": 0.143,
+    "winch_mass": 0.1,
+    "gravity": 9.81,
+    "cart_damping": 45.0,
+    "swing_damping": 0.0015,
+    "hoist_damping": 25.0,
+    "cart_gain": 16.0,
+    "hoist_gain": 3.0,
+}
+"""The paper's bridge with the assumed values of what the paper does not give, SI and volts."""
+LOSSLESS = {"cart_damping": 0.0, "swing_damping": 0.0, "hoist_damping": 0.0}
+
+EVERY_AXIS = (1.0, 1.0, 1.0)
+LOCKED_ROPE = (1.0, 1.0, 0.0)
+CART_ALONE = (1.0, 0.0, 0.0)
+FIXED_CART = (0.0, 1.0, 1.0)
+
+
+def make_bridge(**changes: float) -> Bridge:
+    return Bridge(**(NUMBERS | changes))
+
+
+def make_plant(*effects: tuple[str, str, dict] | AbstractEffect, **changes: float) -> Plant:
+    """The laboratory bridge with effects, each as `(kind, site, parameters)`, and with some numbers changed."""
+    built = (effect if isinstance(effect, AbstractEffect) else make_effect(*effect) for effect in effects)
+    return Plant(make_bridge(**changes), tuple(built))
+
+
+def make_lane(
+    u: ArrayLike,
+    period: float | Sequence[float] = PERIOD,
+    *,
+    active: Sequence[float] = EVERY_AXIS,
+    start: float = 0.0,
+    history: ArrayLike = (),
+) -> Lane:
+    """A lane of held inputs.
+
+    Args:
+        u: one row `(u_x, u_l)` [V] per interval.
+        period: length of every interval, or of each [s].
+        active: which axes move.
+        start: time of the first sample [s].
+        history: rows of inputs before the lane, at the first interval's length.
+    """
+    rows = np.asarray(u, dtype=float)
+    dt = np.broadcast_to(np.asarray(period, dtype=float), len(rows))
+    past = np.asarray(history, dtype=float).reshape(-1, 2)
+    return Lane(
+        jnp.asarray(start),
+        jnp.asarray(dt),
+        jnp.asarray(np.concatenate([past, rows])),
+        jnp.full(len(past), dt[0]),
+        Axes(*(jnp.asarray(float(flag)) for flag in active)),
+    )
+
+
+def make_state(
+    x: float = 0.3,
+    psi: float = 0.0,
+    l: float = 0.7,
+    rates: Sequence[float] = (0.0, 0.0, 0.0),
+    hidden: Sequence[float] = (),
+) -> jnp.ndarray:
+    """An initial-state vector [m, rad, m] with its rates, then each hidden deflection and its rate."""
+    return jnp.asarray([x, psi, l, *rates, *hidden], dtype=float)
+
+
+def lively_inputs(count: int, *, hold: int = 20, seed: int = 0) -> np.ndarray:
+    """Voltages that change every `hold` intervals and move both drives, as `(count, 2)` [V]."""
+    key = np.random.default_rng(seed)
+    steps = key.uniform(-1.0, 1.0, (-(-count // hold), 2)) * [3.0, 1.2] + [0.0, -0.4]
+    return np.repeat(steps, hold, axis=0)[:count]
+
+
+simulate = eqx.filter_jit(rollout)
+"""The engine, compiled."""
+
+
+@eqx.filter_jit
+def measure(plant: Plant, lane: Lane, motions):
+    """What the encoders report, compiled."""
+    return readings(plant, lane, motions)
+
+
+@eqx.filter_jit
+def accelerate(plant: Plant, q: Motion, v: Motion, volts: Axes, active: Axes, t=0.0, z=None, h=1e-9) -> Motion:
+    """The plant's accelerations at one instant, friction judged from the velocities there."""
+    time, step = jnp.asarray(t, dtype=float), jnp.asarray(h, dtype=float)
+    return plant.acceleration(time, q, v, volts, z, active, v.at_drives(), step, jnp.asarray(True))
+
+
+def motion(*values: float) -> Motion:
+    """Positions or velocities `x, psi, l` and, in this order, `motor, loaded, phi` where they are not None."""
+    return Motion(*(None if value is None else jnp.asarray(float(value)) for value in values))
+
+
+def axes(*values: float) -> Axes:
+    return Axes(*(jnp.asarray(float(value)) for value in values))
+
+
+def paths(motions) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of the axes at the samples, as NumPy `(sample, 3)`."""
+    return np.stack(motions.q.axes, axis=1), np.stack(motions.v.axes, axis=1)
