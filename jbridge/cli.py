@@ -10,7 +10,8 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import NoReturn, TextIO
+from pathlib import Path
+from typing import NoReturn
 
 import jbridge
 from jbridge import InputError
@@ -18,24 +19,30 @@ from jbridge import InputError
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
 _SIMULATE = """\
-Plays the inputs of a recording on a model and writes what the sensors would read, without noise.
+Plays the inputs of a recording on a model and writes what the sensors would
+read, without noise.
 
-The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as the rig has them. The file
-of inputs needs no measurements; the start is then the [initial] table of its sidecar.
+The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as
+the rig has them. The file of inputs needs no measurements; the start is then
+the [initial] table of its sidecar.
 """
 _FIT = """\
 Estimates the unknown numbers of a model from recordings, with 95 % intervals.
 
-What [bridge] lists under `known` stays as it is; the rest are guesses to start from. DIR receives
-model.toml (the fitted model), fit.json, fit.html and the figures.
+What [bridge] lists under `known` stays as it is; the rest are guesses to start
+from. DIR receives model.toml (the fitted model), fit.html (to look at),
+fit.json (the same in numbers) and the figures.
 """
 _DIAGNOSE = """\
-Finds out why recordings and simulation differ: whether the model lacks anything, where, and what it is.
+Finds out why recordings and simulation differ: whether the model lacks
+anything, where, and what it is.
 
-DIR receives report.html (to look at), report.json (the same in numbers), model.toml (the model with what was
-found), the figures and, where recordings cannot decide, the input to play next. Recordings behind
---holdout are opened once, after the model is frozen, and prove it; without them the last quarter of the
-recordings plays that part.
+DIR receives report.html (to look at), report.json (the same in numbers),
+model.toml (the model with what was found), the figures and, where recordings
+cannot decide, the input to play next.
+
+Recordings behind --holdout are opened once, after the model is frozen, and
+prove it; without them the last quarter of the recordings plays that part.
 """
 
 
@@ -49,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             # A terminal that lacks a sign such as the degree's gets another one instead of an error.
             stream.reconfigure(errors="replace")
-    progress = _Progress(sys.stderr)
+    progress = _Progress()
     try:
         arguments = _parser().parse_args(argv)
         arguments.run(arguments, progress)
@@ -79,6 +86,7 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
     recording = jbridge.load_recording(arguments.input, inputs_only=True)
     progress("simulating")
     columns = jbridge.simulate(model, recording)
+    Path(arguments.out).parent.mkdir(parents=True, exist_ok=True)
     jbridge.save_csv(arguments.out, columns)
     progress.clear()
     print(f"{arguments.out}: {len(columns['t'])} rows of {', '.join(columns)}")
@@ -120,9 +128,9 @@ def _load(
 class _Progress:
     """One line on a terminal that says what is going on and for how long; silent elsewhere."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._shown = stream.isatty()
+    def __init__(self) -> None:
+        self._stream = sys.stderr
+        self._shown = self._stream.isatty()
         self._start = time.monotonic()
 
     def __call__(self, message: str) -> None:
@@ -157,9 +165,10 @@ class _Version(argparse.Action):
 def _parser() -> _Parser:
     parser = _Parser(
         prog="jbridge",
-        description="A simulator of a laboratory loading bridge (gantry crane) that finds out why recordings and"
-        " simulation differ.",
-        epilog="example: jbridge diagnose model.toml train-*.csv --holdout holdout-*.csv --out report",
+        description="A simulator of a laboratory loading bridge (gantry crane)\n"
+        "that finds out why recordings and simulation differ.",
+        epilog="example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version")

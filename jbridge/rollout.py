@@ -11,7 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._math import decay, materialise
 from ._types import Axes, Scalar
@@ -20,7 +20,7 @@ from .model.effects.drives import InputDelay
 from .model.effects.flexible import DoublePendulum, RopeElasticity
 from .model.effects.friction import PreslidingFriction
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
-from .model.plant import Motion, Plant
+from .model.plant import Motion, Plant, Push
 
 class Lane(eqx.Module):
     """A stretch of recording as the engine wants it. Times count from the recording's start."""
@@ -134,35 +134,90 @@ def rollout(
         substeps: integration steps in each interval.
         method: the Runge-Kutta method.
     """
+    first, told = prepare(plant, initial, lane, substeps)
+
+    def interval(carry: Motions, now: Interval) -> tuple[Motions, Motions]:
+        carry = advance(plant, carry, now, lane.active, substeps=substeps, method=method)
+        return carry, carry
+
+    _, later = jax.lax.scan(interval, first, told)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
+
+
+class Interval(NamedTuple):
+    """What is known of an interval before the motion is."""
+
+    index: Int[Array, ""]
+    start: Scalar
+    """Time at its beginning [s]."""
+    h: Scalar
+    """Length of a step [s]."""
+    inputs: Axes
+    """Held inputs behind the chains' memoryless parts and delays."""
+    left_half: Axes
+    """How much of each lag's distance to its target is left after half a step, and after a step."""
+    left_whole: Axes
+
+
+def prepare(
+    plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int
+) -> tuple[Motions, Interval]:
+    """The first motion, and the intervals of a lane (each field with a leading axis of time)."""
     inputs, lags = drive_inputs(plant, lane)
     constants = plant.time_constants()
-    presliding = plant.only(PreslidingFriction)
     q, v = initial_motion(plant, initial, lane.active)
-    z = None if presliding is None else jnp.zeros_like(q.x)
     zero = jnp.zeros_like(q.x)
     starts = lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)[:-1]])
-    h_all = lane.dt / substeps
-    # How much of a lag's distance to its target is left at each stage's node.
-    left_x = jnp.stack([decay(c * h_all / jnp.maximum(constants.x, 1e-9)) for c in (0.5, 1.0)], axis=1)
-    left_l = jnp.stack([decay(c * h_all / jnp.maximum(constants.l, 1e-9)) for c in (0.5, 1.0)], axis=1)
+    h = lane.dt / substeps
+    none = jnp.zeros_like(h)
 
-    def step(carry: Motions, t: Scalar, h: Scalar, w: Axes, left: tuple[Axes, Axes], go: Array) -> Motions:
-        target = Axes(w.x, zero, w.l * plant.drum_gain(carry.q.l))
+    def left(share: float) -> Axes:
+        x, l_ = (decay(share * h / jnp.maximum(constant, 1e-9)) for constant in (constants.x, constants.l))
+        return Axes(x, none, l_)
+
+    told = Interval(
+        jnp.arange(starts.shape[0]), starts, h, Axes(inputs[:, 0], none, inputs[:, 1]), left(0.5), left(1.0)
+    )
+    z = None if plant.only(PreslidingFriction) is None else zero
+    return Motions(q, v, Axes(lags[0], zero, lags[1]), z), told
+
+
+def advance(
+    plant: Plant,
+    carry: Motions,
+    now: Interval,
+    active: Axes,
+    *,
+    substeps: int,
+    method: Method = MIDPOINT,
+    push: Push | None = None,
+) -> Motions:
+    """The motion one interval later, with an optional push held over it (for linearisation)."""
+    constants = plant.time_constants()
+    presliding = plant.only(PreslidingFriction)
+    h, zero = now.h, jnp.zeros_like(now.h)
+    # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
+    go = now.index < 2**30
+
+    def step(carry: Motions, t: Scalar) -> Motions:
+        target = Axes(now.inputs.x, zero, now.inputs.l * plant.drum_gain(carry.q.l))
 
         def lag_at(node: float) -> Axes:
-            rest = {0.5: left[0], 1.0: left[1]}.get(node)
-            if rest is None:
+            if node == 0.0:
                 # With no lag the drive follows at once, from the step's first instant.
-                instant = Axes(
+                return Axes(
                     *(jnp.where(c > 0, s, g) for c, s, g in zip(constants, carry.lag, target, strict=True))
                 )
-                return instant
+            rest = now.left_half if node == 0.5 else now.left_whole
             return Axes(*(g + (s - g) * r for g, s, r in zip(target, carry.lag, rest, strict=True)))
 
+        first = carry.v.at_drives()
         dq, dv = _zeros_like(carry.q), _zeros_like(carry.v)
         stage_q, stage_v, stage_z = carry.q, carry.v, carry.z
         for i, (node, weight) in enumerate(zip(method.nodes, method.weights, strict=True)):
-            a = plant.acceleration(t + node * h, stage_q, stage_v, lag_at(node), stage_z, lane.active, carry.v.at_drives(), h, go)
+            a = plant.acceleration(
+                t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, first, h, go, push
+            )
             a = materialise(a, go)
             if weight:
                 dq, dv = _add(dq, stage_v, weight * h), _add(dv, a, weight * h)
@@ -174,25 +229,15 @@ def rollout(
         q_next, v_next = _add(carry.q, dq, 1.0), _add(carry.v, dv, 1.0)
         z_next = carry.z
         if presliding is not None:
-            mean = 0.5 * (carry.v.at_drives().x + v_next.at_drives().x)
+            mean = 0.5 * (first.x + v_next.at_drives().x)
             z_next = presliding.deflection(carry.z, mean, h)
         return Motions(q_next, v_next, lag_at(1.0), z_next)
 
-    def interval(carry: Motions, told: tuple) -> tuple[Motions, Motions]:
-        k, t, h, w, left_x, left_l = told
-        w = Axes(w[0], zero, w[1])
-        left = (Axes(left_x[0], zero, left_l[0]), Axes(left_x[1], zero, left_l[1]))
+    def substep(inner: tuple[Motions, Scalar], _: None) -> tuple[tuple[Motions, Scalar], None]:
+        return (step(*inner), inner[1] + h), None
 
-        def substep(inner: tuple[Motions, Scalar], _: None) -> tuple[tuple[Motions, Scalar], None]:
-            now, time = inner
-            return (step(now, time, h, w, left, k < 2**30), time + h), None
-
-        (carry, _), _ = jax.lax.scan(substep, (carry, t), None, length=substeps)
-        return carry, carry
-
-    first = Motions(q, v, Axes(lags[0], zero, lags[1]), z)
-    _, later = jax.lax.scan(interval, first, (jnp.arange(starts.shape[0]), starts, h_all, inputs, left_x, left_l))
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
+    (carry, _), _ = jax.lax.scan(substep, (carry, now.start), None, length=substeps)
+    return carry
 
 
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:

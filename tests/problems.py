@@ -1,6 +1,6 @@
 """Cases that several tests share: a laboratory bridge, lanes of held inputs, and the engine compiled at its edge."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from jbridge._types import Axes
 from jbridge.model.bridge import Bridge
-from jbridge.model.effects.base import AbstractEffect
+from jbridge.model.effects.base import AbstractEffect, AbstractMechanism, options_of, parameters_of
+from jbridge.model.effects.catalogue import KINDS, make_effect
+from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
-from jbridge.model.superset import make_effect
 from jbridge.rollout import Lane, readings, rollout
 
 PERIOD = 0.005
@@ -123,3 +124,44 @@ def axes(*values: float) -> Axes:
 def paths(motions) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities of the axes at the samples, as NumPy `(sample, 3)`."""
     return np.stack(motions.q.axes, axis=1), np.stack(motions.v.axes, axis=1)
+
+
+_SHAPES = {"knots": [0.2, 0.35, 0.6], "places": [0.2, 0.35, 0.6], "speeds": [-0.2, 0.1, 0.4]}
+"""Knots over what `make_state` and the lively inputs cover."""
+
+
+def null_effect(kind: str, site: str) -> AbstractEffect:
+    """An effect at the values at which it does nothing."""
+    values: dict = {}
+    for key, info in parameters_of(KINDS[kind]).items():
+        if info.vector:
+            values[key] = _SHAPES[key] if key in _SHAPES else [info.null] * 3
+        elif key == "length":
+            values[key] = 0.65
+    return make_effect(kind, site, values)
+
+
+PLACES = [(kind, site) for kind, cls in KINDS.items() for site in cls.sites if not issubclass(cls, AbstractMechanism)]
+"""Every kind at every site, but for mechanisms."""
+
+
+class Everything:
+    """The bridge with every effect but the mechanisms, as a vector of parameters: one program serves them all.
+
+    `Everything().having(kind, site, values)` is that vector with one effect at its values and the others at null.
+    """
+
+    def __init__(self, **changes: float):
+        self.plant = make_plant(*(null_effect(kind, site) for kind, site in PLACES), **changes)
+        self.table = ParameterTable(self.plant)
+        self.null = np.array(self.table.ravel(self.plant))
+
+    def having(self, kind: str, site: str, values: Mapping) -> np.ndarray:
+        vector = self.null.copy()
+        for key, value in values.items():
+            words = options_of(KINDS[kind]).get(key)
+            if words is None:
+                vector[self.table.positions(f"{kind}@{site}.{key}")] = value
+            else:
+                vector[self.table.option_place(f"{kind}@{site}.{key}")] = words.index(value)
+        return vector

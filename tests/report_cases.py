@@ -1,6 +1,7 @@
 """Hand-made results as reports get them: a cart whose drive has a dead zone, with a swinging load and a hoist."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -86,6 +87,7 @@ def trace(name, role, seed):
     )
 
 
+@functools.cache
 def traces():
     return (trace("train-1.csv", "train", 1), trace("train-2.csv", "train", 2), trace("holdout-1.csv", "holdout", 3))
 
@@ -281,6 +283,11 @@ def cart_alone():
         for name in ("train_before", "train_after", "holdout_before", "holdout_after")
     }
     return dataclasses.replace(full, traces=tuple(map(only_x, full.traces)), noise={"x": NOISE["x"]}, **errors)
+
+
+def brief(result):
+    """The result with one recording, the hold-out, for the sake of quick drawing."""
+    return dataclasses.replace(result, traces=result.traces[-1:])
 
 
 def fitted(holdout=True):

@@ -222,14 +222,18 @@ def test_every_concealed_effect_acts(kind, site):
         for e in t["concealed"]
         if (e["kind"], e["site"]) == (kind, site)
     )
-    table = play.play(truth, truth["recordings"][0])
-    u = np.column_stack([table["u_x"], table["u_l"]])
-    start = truth["recordings"][0]["start"]
     rest = [e for e in truth["effects"] if (e["kind"], e["site"]) != (kind, site)]
-    runs = [
-        rig.simulate(truth | {"effects": e}, u, table["t"][-1], 0, start, noisy=False) for e in (truth["effects"], rest)
-    ]
-    assert max(np.abs(runs[0][c] - runs[1][c]).max() / sensors.NOISE[c] for c in sensors.NOISE) > 3.0
+
+    def difference(plan):
+        table = play.play(truth, plan)
+        u = np.column_stack([table["u_x"], table["u_l"]])
+        with_it, without = (
+            rig.simulate(truth | {"effects": effects}, u, table["t"][-1], 0, plan["start"], noisy=False)
+            for effects in (truth["effects"], rest)
+        )
+        return max(np.abs(with_it[c] - without[c]).max() / sensors.NOISE[c] for c in sensors.NOISE)
+
+    assert any(difference(plan) > 3.0 for plan in truth["recordings"] if plan["name"].startswith("train"))
 
 
 @pytest.mark.parametrize("half", sorted(cases.MASTER))

@@ -76,9 +76,7 @@ class Drive:
         self.gain, self.column, self.dt = gain, column, dt
         self.delay = sum(e["delay"] for e in effects if e["kind"] == "input_delay")
         order = list(STAGES)
-        rest = sorted(
-            (e for e in effects if e["kind"] != "input_delay"), key=lambda e: order.index(e["kind"])
-        )
+        rest = sorted((e for e in effects if e["kind"] != "input_delay"), key=lambda e: order.index(e["kind"]))
         self.stages = [STAGES[e["kind"]](e, at, dt) for e in rest]
 
     def force(self, step: int, t: float, q: Vector, log: list[Vector]) -> float:

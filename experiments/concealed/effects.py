@@ -166,9 +166,7 @@ def _spring_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
 
 def _periodic_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
     wave = 2 * math.pi / e["period"]
-    return lambda t, q, v, forces: at.push_cart(
-        e["amplitude"] * math.sin(wave * at.cart(q) + e["phase"]), forces
-    )
+    return lambda t, q, v, forces: at.push_cart(e["amplitude"] * math.sin(wave * at.cart(q) + e["phase"]), forces)
 
 
 def _end_stop(e: Effect, at: Layout, dt: float) -> ForceLaw:

@@ -132,9 +132,7 @@ def table(halves: dict[str, dict]) -> str:
 
 
 def _answer(row: dict) -> str:
-    if (
-        row["true_verdict"] == row["verdict"] == "unknown"
-    ):  # effects that passed stay listed, but the answer is this
+    if row["true_verdict"] == row["verdict"] == "unknown":  # effects that passed stay listed, but the answer is this
         return "unknown"
     if row["named"]:
         return row["named"][0]
@@ -152,9 +150,7 @@ def _right(row: dict) -> bool:
     return row["first_right"] if row["true_verdict"] == "missing_physics" else row["verdict_right"]
 
 
-def _grid(
-    axes, answers: list[tuple[str, str, bool]], rows: list[str], columns: list[str], size: float
-) -> None:
+def _grid(axes, answers: list[tuple[str, str, bool]], rows: list[str], columns: list[str], size: float) -> None:
     """Counts as squares: blue where the answer is right or as good as right, orange elsewhere."""
     for (true, said, right), count in Counter(answers).items():
         y, x = rows.index(true), columns.index(said)

@@ -36,11 +36,7 @@ class Hand:
         """The next move or rest."""
         key = self.key
         self.start = t
-        style = (
-            key.choice(["steps", "ramps", "pulses", "staircase", "creep"])
-            if self.style == "mixed"
-            else self.style
-        )
+        style = key.choice(["steps", "ramps", "pulses", "staircase", "creep"]) if self.style == "mixed" else self.style
         self.shape = str(style)
         if key.random() > self.busy:
             self.level, self.until = 0.0, t + key.uniform(0.15, 0.6)
@@ -126,9 +122,7 @@ class Controller:
         self.ranges = {"x": places, "l": lengths}
         self.next = dict.fromkeys(self.ranges, 0.0)
         self.reference = {c: 0.5 * (a + b) for c, (a, b) in self.ranges.items()}
-        self.waves = {
-            c: [(key.uniform(0.1, 0.5), key.uniform(0, 6.28)) for _ in range(3)] for c in self.ranges
-        }
+        self.waves = {c: [(key.uniform(0.1, 0.5), key.uniform(0, 6.28)) for _ in range(3)] for c in self.ranges}
         self.dither = [(key.uniform(0.8, 3.0), key.uniform(0, 6.28)) for _ in range(3)]
         self.before: dict[str, float] | None = None
         self.due, self.out = 0.0, (0.0, 0.0)

@@ -45,24 +45,18 @@ def commands(truth: dict, plan: dict, key: np.random.Generator, vigour: float = 
     least = friction / bridge["cart_gain"] + dead
     if plan["input"].startswith("controller"):
         limits = (3.5 * vigour, lift + 4.0)
-        return Controller(
-            key, plan["input"].removeprefix("controller-"), (0.35, 1.15), (short, long), limits, hold
-        )
+        return Controller(key, plan["input"].removeprefix("controller-"), (0.35, 1.15), (short, long), limits, hold)
     if plan["input"] == "sines":
         cart = Sines(key, 0.75, (1.6 + 0.6 * least) * vigour, 2.0)
         hoist = Sines(key, 0.5 * (short + long), lift + 0.8, 12.0, hold, lift + 1.0) if winch else Rest()
         return Operator(cart, hoist)
     creep = (0.8 * least + 0.1, 1.25 * least + 0.3)
-    cart = Hand(
-        key, plan["input"], 0.2, 1.3, (least + 0.3, max(2.9 * vigour, least + 0.6)), creep, cart_speed
-    )
+    cart = Hand(key, plan["input"], 0.2, 1.3, (least + 0.3, max(2.9 * vigour, least + 0.6)), creep, cart_speed)
     if not winch:
         return Operator(cart, Rest())
     style = "mixed" if plan["input"] in ("creep", "pulses") else plan["input"]
     volts = (lift + 0.5, lift + 4.0)
-    return Operator(
-        cart, Hand(key, style, short, long, volts, (lift, lift + 0.8), rope_speed, hold, busy=0.5)
-    )
+    return Operator(cart, Hand(key, style, short, long, volts, (lift, lift + 0.8), rope_speed, hold, busy=0.5))
 
 
 def play(truth: dict, plan: dict) -> dict[str, np.ndarray]:

@@ -6,8 +6,8 @@
     python experiments/concealed/run.py --figures                    redraw from figures/data
 
 Per case, below OUT/CASE: `model.toml`, `recordings/`, `diagnosis/` with the tool's own files and `run.json`
-(exit status and seconds). A case is diagnosed once; `--again` forgets finished diagnoses. Rows go to
-figures/data/concealed-HALF.json.
+(exit status and seconds). A case is diagnosed once, unless it failed; `--again` forgets finished diagnoses.
+Rows go to figures/data/concealed-HALF.json.
 """
 
 import argparse
@@ -40,7 +40,7 @@ def diagnose(case: Path, timeout: float) -> str:
     """Runs the tool on a case from the command line, as an owner would; returns a word on how it went."""
     out = case / "diagnosis"
     done = out / "run.json"
-    if done.exists():
+    if done.exists() and json.loads(done.read_text())["status"] == 0:
         return "kept"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
@@ -81,21 +81,15 @@ def row_of(truth: dict, case: Path) -> dict | None:
 def commit() -> str:
     """The code's version, with a mark where files differ from it."""
     git = ["git", "-C", str(ROOT)]
-    head = subprocess.run(
-        [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True
-    ).stdout.strip()
-    changed = subprocess.run(
-        [*git, "status", "--porcelain", "src", "jbridge"], capture_output=True, text=True
-    ).stdout
+    head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
+    changed = subprocess.run([*git, "status", "--porcelain", "src", "jbridge"], capture_output=True, text=True).stdout
     return head + ("+changes" if changed.strip() else "")
 
 
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--half", choices=sorted(MASTER), help="which half of the cases")
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go"
-    )
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go")
     parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
     parser.add_argument("--limit", type=int, help="only the first so many")
     parser.add_argument("--jobs", type=int, default=1, help="diagnoses at a time")
@@ -104,9 +98,7 @@ def options() -> argparse.Namespace:
     )
     parser.add_argument("--generate-only", action="store_true", help="write the recordings and stop")
     parser.add_argument("--again", action="store_true", help="forget finished diagnoses of the chosen cases")
-    parser.add_argument(
-        "--figures", action="store_true", help="redraw table and picture from saved data and stop"
-    )
+    parser.add_argument("--figures", action="store_true", help="redraw table and picture from saved data and stop")
     chosen = parser.parse_args()
     if not chosen.figures and not chosen.half:
         parser.error("--half dev or --half proof is needed")
@@ -135,9 +127,7 @@ def main() -> None:
     if chosen.generate_only:
         return
     # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
-    rows = [
-        row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()
-    ]
+    rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
     saved = {
         "half": chosen.half, "commit": commit(), "cores": os.cpu_count(), "cases": len(truths),
         "seed": MASTER[chosen.half],

@@ -186,9 +186,7 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
     exact = row["set_right"] and all(a == b for a, b in pairs.items())
     if exact and report["verdict"] == truth["verdict"]:  # only then do the rig's own numbers mean the same
         for name in truth["model"]["bridge"]:
-            found = (
-                _number(name, bridge[name], report.get("bridge", {}).get(name)) if name in bridge else None
-            )
+            found = _number(name, bridge[name], report.get("bridge", {}).get(name)) if name in bridge else None
             if found and name not in truth["model"]["bridge"]["known"]:
                 row["bridge"][name] = found
         played = {label(e): e for e in truth["effects"]}

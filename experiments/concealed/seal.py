@@ -69,9 +69,7 @@ def open_truths(half: str) -> dict[str, dict]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--half", choices=sorted(MASTER), required=True)
-    parser.add_argument(
-        "--check", action="store_true", help="check the seals and compare with the seed's truths"
-    )
+    parser.add_argument("--check", action="store_true", help="check the seals and compare with the seed's truths")
     parser.add_argument("--open", metavar="CASE", help="print one truth")
     options = parser.parse_args()
     if options.open:

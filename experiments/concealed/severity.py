@@ -43,6 +43,9 @@ LEAST = {
     "stribeck_friction": 0.4,
     "spring_force": 0.25,
     "quadratic_drag": 0.25,
+    "position_dependent_friction": 0.25,
+    "position_direction_friction": 0.25,
+    "periodic_force": 0.25,
     "belt_compliance": 0.3,
 }
 """Nobody would call it physics below these: a delay within a sample, a gap of a count, a gain 0.1 % off."""
@@ -116,9 +119,7 @@ class Bench:
         if effect["kind"] == "wrong_value":
             without["bridge"][effect["site"]] = truth["model"]["bridge"][effect["site"]]
         without["effects"] = [e for e in without["effects"] if e != effect]
-        if (
-            effect["kind"] == "presliding_friction"
-        ):  # its rival is friction that does not yield before it slips
+        if effect["kind"] == "presliding_friction":  # its rival is friction that does not yield before it slips
             guess = {"kind": "coulomb_friction", "site": "cart", "level": effect["level"]}
             without["effects"].append(guess)
             without["model"]["effects"].append(guess)

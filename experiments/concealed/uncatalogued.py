@@ -118,9 +118,7 @@ def _shared_supply(e: Effect, at: Layout, dt: float) -> Callable[[float, float, 
     return lambda u, t, q, both: u / (1.0 + e["share"] * both[0] ** 2)
 
 
-DRIVE_STAGES: dict[
-    str, Callable[[Effect, Layout, float], Callable[[float, float, Vector, Vector], float]]
-] = {
+DRIVE_STAGES: dict[str, Callable[[Effect, Layout, float], Callable[[float, float, Vector, Vector], float]]] = {
     "cubic_gain": _cubic_gain,
     "shared_supply": _shared_supply,
 }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..identify.setting import Setting
 from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, options_of
 from ..model.effects.catalogue import CATALOGUE
+from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 
@@ -36,9 +37,10 @@ class Candidate:
         return self.kind, self.site
 
     @property
-    def mechanism(self) -> bool:
+    def unscreened(self) -> bool:
+        """Whether a hidden state makes it too different from its absence for a linear screen."""
         cls = CATALOGUE.get(self.kind)
-        return cls is not None and issubclass(cls, AbstractMechanism)
+        return cls is not None and issubclass(cls, AbstractMechanism | PreslidingFriction)
 
     def group(self, key: str) -> str:
         """The parameter's name in a table."""
@@ -54,8 +56,9 @@ class Candidate:
         for key, value in self.values.items():
             if key == "coulomb":
                 # What is left of the plain friction that this law takes the place of.
-                for place in table.positions(f"coulomb_friction@{self.site}.level"):
-                    vector[place] = value
+                plain = f"coulomb_friction@{self.site}.level"
+                if plain in table.names():
+                    vector[table.positions(plain)] = value
             elif isinstance(value, str):
                 words = options_of(CATALOGUE[self.kind])[key]
                 vector[table.option_place(self.group(key))] = words.index(value)

@@ -1,8 +1,8 @@
 """A cheap look at every candidate: what would it gain if the simulation were linear in it?
 
-At its null value an absent effect still has a tangent, and one pass of the superset's program gives the tangents of
-all of them. After initial states and base parameters are projected out, a candidate's predicted gain is a small
-bounded least-squares problem. Candidates that are singular at their null value are linearised at finite seeds.
+At its null value an absent effect still has a tangent, and `columns` gives the tangents of all of them along the base
+trajectory. After initial states and base parameters are projected out, a candidate's predicted gain is a small bounded
+least-squares problem.
 The same tangents answer whether anything repeatable is missing at all: what is chosen on all recordings but one must
 predict the residual of that one.
 """
@@ -10,19 +10,25 @@ predict the residual of that one.
 import dataclasses
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import columns_for, measurements
+from ..identify.base import columns_for
 from ..identify.lanes import Batch
-from ..identify.linearise import Engine
+from ..identify.linearise import Engine, Gram
+from ..identify.respond import linearise
 from ..identify.solve import Reduced, bounded_step, reduce
-from .candidates import Candidate
+from ..model.effects.base import parameters_of
+from ..model.effects.catalogue import KINDS
+from ..model.parameters import ParameterTable
+from .candidates import WRONG_VALUE, Candidate
+from .columns import candidate_columns
 
-_WIDTH = 32
-"""Columns of one screening row."""
 _GREEDY = 4
 """Most explanations that the flexible model combines."""
+_KEPT = 30
+"""Explanations that stay in play after the first has been chosen."""
 _EFFECTIVE = 1000.0
 """Effective number of independent samples: a recording's residuals are far from independent."""
 
@@ -34,8 +40,23 @@ class Screened:
     candidate: Candidate
     cost: float
     """Predicted sum of squares after a refit."""
-    vector: NDArray[np.float64]
-    """Where a refit should start."""
+    base_step: NDArray[np.float64]
+    """Expected change of the base's free parameters."""
+    own_step: NDArray[np.float64]
+    """Expected change of the candidate's; for a finite seed, how much of it."""
+
+    def start(
+        self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Where a refit should start."""
+        vector = self.candidate.set(table, vector)
+        if not self.candidate.finite:
+            low, high = table.bounds()
+            places = np.concatenate([free, self.candidate.places(table)])
+            # Less than a linear model promises, which overstates what is strongly nonlinear.
+            step = 0.7 * np.concatenate([self.base_step, self.own_step])
+            vector[places] = np.clip(vector[places] + step, low[places], high[places])
+        return vector
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,142 +77,168 @@ class _Normal:
     count: NDArray[np.float64]
     """Measured values of each lane."""
 
+    def over(self, lanes: NDArray[np.bool_]) -> "_Sum":
+        return _Sum(self.matrix[lanes].sum(axis=0), self.gradient[lanes].sum(axis=0), float(self.cost[lanes].sum()))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Sum:
+    """Normal equations summed over some lanes."""
+
+    matrix: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    cost: float
+
+    def step(
+        self,
+        columns: NDArray[np.int64],
+        at: NDArray[np.float64],
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Bounded Gauss-Newton step in some columns."""
+        matrix = self.matrix[np.ix_(columns, columns)]
+        none = np.zeros((0, len(columns), len(columns)))
+        reduced = Reduced(
+            matrix, self.gradient[columns], np.diag(matrix).copy(), none, none[:, 0], none, none[:, 0]
+        )
+        return bounded_step(reduced, at, low, high, 1e-9)
+
+    def after(self, columns: NDArray[np.int64], step: NDArray[np.float64]) -> float:
+        """Predicted cost after a step."""
+        matrix = self.matrix[np.ix_(columns, columns)]
+        return self.cost + float(2 * self.gradient[columns] @ step + step @ matrix @ step)
+
 
 def screen(
     engine: Engine,
     batch: Batch,
     vector: NDArray[np.float64],
     free: NDArray[np.int64],
+    extra: NDArray[np.int64],
     initial: NDArray[np.float64],
     found: Sequence[Candidate],
+    unnamed: Sequence[Candidate],
 ) -> Screen:
     """Ranks all candidates without a hidden coordinate.
 
     Args:
-        engine: of the superset.
+        engine: of the base model.
         batch: lanes.
-        vector: the superset's parameters at the base fit.
-        free: places of the base's free parameters.
+        vector: the base model's parameters.
+        free: places of its free parameters.
+        extra: places of known numbers that may be wrong, one for each `wrong_value` candidate in order.
         initial: initial states of the lanes at the base fit.
         found: candidates.
+        unnamed: forces without a name, for the question what could be learned.
     """
-    linear = [c for c in found if not c.finite]
-    places = [c.places(engine.table) for c in linear]
-    rows = _pack(engine, vector, free, linear, places)
-    normal, starts = _normal_equations(engine, batch, rows, initial, len(free), [len(p) for p in places])
-    low, high = engine.table.bounds()
-    ranked = []
-    groups = []
-    for candidate, own, start in zip(linear, places, starts, strict=True):
-        columns = np.concatenate([np.arange(len(free)), np.arange(start, start + len(own))])
-        seeded = candidate.set(engine.table, vector)
-        at = np.concatenate([vector[free], seeded[own]])
-        edge = np.concatenate([free, own])
-        groups.append((columns, at, low[edge], high[edge]))
-        step = _step(normal, columns, at, low[edge], high[edge], None)
-        gain = -float(2 * normal.gradient.sum(0)[columns] @ step + step @ normal.matrix.sum(0)[np.ix_(columns, columns)] @ step)
-        seeded[edge] = at + step
-        ranked.append(Screened(candidate, float(normal.cost.sum()) - gain, seeded))
-    learnable = _learnable(normal, groups, batch, len(free))
-    ranked += _finite(engine, batch, vector, free, initial, [c for c in found if c.finite])
+    effects = [c for c in (*found, *unnamed) if c.kind != WRONG_VALUE]
+    numbers = [c for c in found if c.kind == WRONG_VALUE]
+    base = len(free)
+    width = columns_for(base + len(extra))
+    gram = engine.gram(
+        vector[None], np.concatenate([free, extra])[None], initial[None], batch, columns=width, keep=True
+    )
+    assert gram.tangents is not None
+    along = linearise(engine.table, jnp.asarray(vector), jnp.asarray(initial), batch.lanes, batch.substeps)
+    columns = candidate_columns(engine.table, vector, batch, along, effects)
+    columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
+    everything = [*effects, *numbers]
+    _correct_locked(everything, columns, gram.tangents[0, :, width + 2], batch, initial)
+    normal = _normal_equations(gram, batch, initial, base, width, columns)
+    low_all, high_all = engine.table.bounds()
+    whole = normal.over(np.ones(batch.count, bool))
+    ranked, groups = [], []
+    start = base
+    for candidate, own in zip(everything, columns, strict=True):
+        count = own.shape[1]
+        at, low, high = _edges(candidate, engine, vector, count)
+        group = (
+            np.concatenate([np.arange(base), np.arange(start, start + count)]),
+            np.concatenate([vector[free], at]),
+            np.concatenate([low_all[free], low]),
+            np.concatenate([high_all[free], high]),
+        )
+        start += count
+        step = whole.step(*group)
+        groups.append(group)
+        if candidate not in unnamed:
+            ranked.append(Screened(candidate, whole.after(group[0], step), step[:base], step[base:]))
+    learnable = _learnable(normal, groups, batch, base)
     ranked.sort(key=lambda s: s.cost)
     return Screen(ranked, learnable)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Rows:
-    vectors: NDArray[np.float64]
-    places: NDArray[np.int64]
-    at: list[tuple[int, int]]
-    """Row and first column of each candidate."""
+def _edges(
+    candidate: Candidate, engine: Engine, vector: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Value, lower and upper bound of a candidate's columns."""
+    if candidate.kind == WRONG_VALUE:
+        place = engine.table.positions(candidate.site)
+        low, high = engine.table.bounds()
+        return vector[place], low[place], high[place]
+    if candidate.finite:
+        # The amplitude of what the seed would do; some more than the seed is as possible as some less.
+        return np.zeros(1), np.zeros(1), np.full(1, 3.0)
+    infos = parameters_of(KINDS[candidate.kind])
+    at, low, high = [], [], []
+    for key in candidate.free:
+        value = np.atleast_1d(np.asarray(candidate.values.get(key, infos[key].null), dtype=float))
+        at += list(value)
+        low += [infos[key].low] * len(value)
+        high += [infos[key].high] * len(value)
+    assert len(at) == count
+    return np.array(at), np.array(low), np.array(high)
 
 
-def _pack(
-    engine: Engine,
-    vector: NDArray[np.float64],
-    free: NDArray[np.int64],
-    linear: Sequence[Candidate],
-    places: Sequence[NDArray[np.int64]],
-) -> _Rows:
-    """Puts candidates side by side into rows: at zero amplitude they do not disturb each other."""
-    vectors, columns, names = [vector.copy()], [list(free)], [set[tuple[str, str]]()]
-    at = []
-    for candidate, own in zip(linear, places, strict=True):
-        # Two seeds of one effect need two rows, since they share its shape parameters.
-        row = next(
-            (
-                i
-                for i in range(len(vectors))
-                if candidate.name not in names[i] and len(columns[i]) + len(own) <= max(_WIDTH, len(free) + len(own))
-            ),
-            len(vectors),
-        )
-        if row == len(vectors):
-            vectors.append(vector.copy())
-            columns.append([])
-            names.append(set())
-        at.append((row, len(columns[row])))
-        vectors[row] = candidate.set(engine.table, vectors[row])
-        columns[row] += list(own)
-        names[row].add(candidate.name)
-    table = np.full((len(vectors), max(len(c) for c in columns)), -1, np.int64)
-    for i, c in enumerate(columns):
-        table[i, : len(c)] = c
-    return _Rows(np.array(vectors), table, at)
+def _correct_locked(
+    everything: Sequence[Candidate],
+    columns: list[NDArray[np.float64]],
+    by_length: NDArray[np.float64],
+    batch: Batch,
+    initial: NDArray[np.float64],
+) -> None:
+    """Where the rope is locked, a wrong length sensor means another length, not another reading."""
+    locked = np.asarray(batch.lanes.lane.active.l) == 0
+    if not locked.any():
+        return
+    for i, candidate in enumerate(everything):
+        if candidate.site != "l_sensor":
+            continue
+        factor = {"sensor_offset": -np.ones(len(initial)), "sensor_scale": -initial[:, 2]}.get(candidate.kind)
+        for lane in np.flatnonzero(locked):
+            columns[i][lane] = 0.0 if factor is None else factor[lane] * by_length[lane]
 
 
 def _normal_equations(
-    engine: Engine, batch: Batch, rows: _Rows, initial: NDArray[np.float64], base: int, sizes: Sequence[int]
-) -> tuple[_Normal, list[int]]:
-    width = columns_for(max(rows.places.shape[1], _WIDTH))
-    gram = engine.gram(
-        rows.vectors, rows.places, np.repeat(initial[None], len(rows.vectors), axis=0), batch, columns=width, keep=True
-    )
-    tangents = gram.tangents
-    assert tangents is not None
+    gram: Gram,
+    batch: Batch,
+    initial: NDArray[np.float64],
+    base: int,
+    width: int,
+    columns: Sequence[NDArray[np.float64]],
+) -> _Normal:
+    assert gram.tangents is not None
     weight = np.asarray(batch.lanes.weight)
     residual = ((gram.predicted[0] - np.asarray(batch.lanes.y)) * weight).reshape(batch.count, -1)
     states = initial.shape[1]
-    total = base + sum(sizes)
+    total = base + sum(c.shape[1] for c in columns)
     matrix = np.empty((batch.count, total, total))
     gradient = np.empty((batch.count, total))
     cost = np.empty(batch.count)
-    starts = list(base + np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)) if sizes else []
     for lane in range(batch.count):
-        parts = [tangents[0, lane, :base]]
-        parts += [tangents[r, lane, c : c + size] for (r, c), size in zip(rows.at, sizes, strict=True)]
-        start = tangents[0, lane, width : width + states]
-        table = np.concatenate([*parts, start, residual[lane][None]])
+        start = gram.tangents[0, lane, width : width + states]
+        table = np.concatenate(
+            [gram.tangents[0, lane, :base], *(c[lane] for c in columns), start, residual[lane][None]]
+        )
         products = table @ table.T
         full = reduce(
-            products[None],
-            total,
-            total,
-            initial[lane][None],
-            batch.initial[lane][None],
-            batch.prior[lane][None],
+            products[None], total, total, initial[lane][None], batch.initial[lane][None], batch.prior[lane][None]
         )
         matrix[lane], gradient[lane] = full.by_lane[0], full.gradient_by_lane[0]
-        # The initial state may also take up part of the residual; at the base fit it has done so already.
         cost[lane] = products[-1, -1]
     count = (weight > 0).reshape(batch.count, -1).sum(axis=1).astype(float)
-    return _Normal(matrix, gradient, cost, count), starts
-
-
-def _step(
-    normal: _Normal,
-    columns: NDArray[np.int64],
-    at: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    lanes: NDArray[np.bool_] | None,
-) -> NDArray[np.float64]:
-    chosen = slice(None) if lanes is None else lanes
-    matrix = normal.matrix[chosen][:, columns[:, None], columns[None, :]].sum(axis=0)
-    gradient = normal.gradient[chosen][:, columns].sum(axis=0)
-    empty = np.zeros((0, len(columns), len(columns)))
-    reduced = Reduced(matrix, gradient, np.diag(matrix).copy(), empty, empty[:, 0], empty, empty[:, 0])
-    return bounded_step(reduced, at, low, high, 1e-9)
+    return _Normal(matrix, gradient, cost, count)
 
 
 def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) -> float:
@@ -202,73 +249,38 @@ def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) ->
     removed, excess = 0.0, 0.0
     for r in names:
         inside = batch.recording == r
-        chosen, best_step = _greedy(normal, groups, ~inside, base)
-        own = float(normal.cost[inside].sum())
-        excess += max(own - float(normal.count[inside].sum()), 0.0)
+        left_out = normal.over(inside)
+        chosen = _greedy(normal.over(~inside), groups, base)
+        excess += max(left_out.cost - float(normal.count[inside].sum()), 0.0)
         if chosen is not None:
-            matrix = normal.matrix[inside][:, chosen[:, None], chosen[None, :]].sum(axis=0)
-            gradient = normal.gradient[inside][:, chosen].sum(axis=0)
-            removed += -float(2 * gradient @ best_step + best_step @ matrix @ best_step)
+            removed += left_out.cost - left_out.after(*chosen)
     return float(np.clip(removed / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 
-def _greedy(
-    normal: _Normal, groups: list[tuple], lanes: NDArray[np.bool_], base: int
-) -> tuple[NDArray[np.int64] | None, NDArray[np.float64]]:
-    """Explanations added one after the other while they pay for their parameters."""
+def _greedy(others: _Sum, groups: list[tuple], base: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    """Explanations added one after the other while they pay for their parameters: columns and step."""
     current: tuple | None = None
-    cost = float(normal.cost[lanes].sum())
+    result = None
+    cost = others.cost
     left = list(range(len(groups)))
-    step = np.zeros(0)
     for _ in range(_GREEDY):
-        best = None
+        trials = []
         for g in left:
             trial = groups[g] if current is None else _joined(current, groups[g], base)
-            s = _step(normal, *trial, lanes)
-            columns = trial[0]
-            matrix = normal.matrix[lanes][:, columns[:, None], columns[None, :]].sum(axis=0)
-            gradient = normal.gradient[lanes][:, columns].sum(axis=0)
-            predicted = float(normal.cost[lanes].sum()) + float(2 * gradient @ s + s @ matrix @ s)
-            penalty = (len(columns) - base) * np.log(_EFFECTIVE) / _EFFECTIVE
-            score = np.log(max(predicted, 1e-12)) + penalty
-            if best is None or score < best[0]:
-                best = (score, g, trial, s, predicted)
-        if best is None or best[4] > cost * (1 - 1e-2):
+            step = others.step(*trial)
+            predicted = others.after(trial[0], step)
+            penalty = (len(trial[0]) - base) * np.log(_EFFECTIVE) / _EFFECTIVE
+            trials.append((np.log(max(predicted, 1e-12)) + penalty, g, trial, step, predicted))
+        _, g, trial, step, predicted = min(trials, key=lambda t: t[0])
+        if predicted > cost * (1 - 1e-2):
             break
-        current, step, cost = best[2], best[3], best[4]
-        left.remove(best[1])
-    return (None, step) if current is None else (current[0], step)
+        current, result, cost = trial, (trial[0], step), predicted
+        left.remove(g)
+        if current is not None and len(left) > _KEPT:
+            # Later additions come from those that were best on their own.
+            left = [t[1] for t in sorted(trials, key=lambda t: t[0])[:_KEPT] if t[1] != g]
+    return result
 
 
 def _joined(a: tuple, b: tuple, base: int) -> tuple:
     return tuple(np.concatenate([x, y[base:]]) for x, y in zip(a, b, strict=True))
-
-
-def _finite(
-    engine: Engine,
-    batch: Batch,
-    vector: NDArray[np.float64],
-    free: NDArray[np.int64],
-    initial: NDArray[np.float64],
-    found: Sequence[Candidate],
-) -> list[Screened]:
-    """Candidates at finite seeds: cost there, less what one bounded step from there promises."""
-    if not found:
-        return []
-    vectors = np.array([c.set(engine.table, vector) for c in found])
-    own = [np.concatenate([free, c.places(engine.table)]) for c in found]
-    width = columns_for(max(len(o) for o in own))
-    places = np.full((len(found), width), -1, np.int64)
-    for i, o in enumerate(own):
-        places[i, : len(o)] = o
-    gram = engine.gram(vectors, places, np.repeat(initial[None], len(found), axis=0), batch, columns=width)
-    low, high = engine.table.bounds()
-    out = []
-    for i, (candidate, o) in enumerate(zip(found, own, strict=True)):
-        reduced = reduce(gram.products[i], len(o), width, initial, batch.initial, batch.prior)
-        step = bounded_step(reduced, vectors[i, o], low[o], high[o], 1e-3)
-        promised = float(gram.cost[i].sum() + 2 * reduced.gradient @ step + step @ reduced.matrix @ step)
-        start = vectors[i].copy()
-        start[o] += step
-        out.append(Screened(candidate, max(promised, 0.5 * measurements(batch)), start))
-    return out

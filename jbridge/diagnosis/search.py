@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,20 @@ from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
 from ..identify.solve import Fits, reduce, solve
-from ..model.effects.base import AbstractMechanism
+from ..identify.uncertainty import inverse_normal
+from ..model.effects.base import AXIS_OF_SITE
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.superset import make_effect, superset
+from ..model.effects.catalogue import UNNAMED, make_effect
 from .candidates import WRONG_VALUE, Candidate, candidates
 from .screen import Screen, Screened, screen
 
 REFITS = 10
 """Candidates that are refitted in each round, besides the best of each site."""
+_ALWAYS = 5
+"""Candidates that are refitted whatever the screen expects."""
+_HOPELESS = 30.0
+"""Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 EFFECTIVE = 1000.0
 """Effective number of independent samples, for weighing costs against parameters."""
 _GAIN = 0.03
@@ -150,93 +156,123 @@ class Search:
         self.progress = progress or (lambda text: None)
         self.events: dict[str, tuple] = {}
 
-    def superset(self, state: State) -> tuple[Plant, Engine, Batch, NDArray[np.float64], NDArray[np.int64], Any]:
-        """The superset at the state's values, ready to screen."""
-        scene = scene_of(self.setting, state.plant, self.events)
-        axes = set(self.setting.axes) | ({"l"} if "psi" in self.setting.axes else set())
-        full = superset(state.plant, scene, axes)
-        engine = Engine(full)
-        vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(full)))
-        names = [state.engine.table.entry(p).name for p in state.free]
-        free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
-        batch = lanes_for(engine.table, full, self.setting, self.setting.recordings, self.window)
-        return full, engine, batch, vector, free, scene
-
-    def look(self, state: State) -> tuple[Screen, tuple]:
+    def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden coordinate."""
-        made = self.superset(state)
-        _, engine, batch, vector, free, scene = made
+        scene = scene_of(self.setting, state.plant, self.events)
+        done = {a.name for a in state.accepted}
         found = [
             c
             for c in candidates(state.plant, state.known, self.setting, scene)
-            if not c.mechanism and c.name not in {a.name for a in state.accepted}
+            if not c.unscreened and c.name not in done
         ]
+        unnamed = [
+            Candidate(kind, site, dict(seed.values), seed.free, False)
+            for kind, cls in UNNAMED.items()
+            for site in cls.sites
+            if AXIS_OF_SITE[site] in self.setting.axes
+            for seed in cls.seeds(site, scene)
+        ]
+        extra = [state.engine.table.positions(c.site)[0] for c in found if c.kind == WRONG_VALUE]
         self.progress(f"screening {len(found)} explanations")
-        return screen(engine, batch, vector, free, state.initial, found), made
+        return screen(
+            state.engine,
+            state.batch,
+            state.vector,
+            state.free,
+            np.array(extra, np.int64),
+            state.initial,
+            found,
+            unnamed,
+        )
 
-    def refit(self, state: State, screened: Screen, made: tuple) -> list[Trial]:
-        """Full refits of the best candidates and of the best of each site."""
-        _, engine, batch, _, free, _ = made
+    def refit(self, state: State, screened: Screen) -> list[Trial]:
+        """Full refits of the best candidates and of the best of each site, each by simulation.
+
+        Every effect has a program of its own: measured, the compiler's seconds for a handful of small programs are
+        less than the time that one program with all effects takes to compile and to run. Seeds of one effect are rows
+        of one batch.
+        """
         chosen = _shortlist(screened.ranked)
-        self.progress(f"refitting {len({c.candidate.name for c in chosen})} explanations")
-        trials = []
-        by_width: dict[int, list[Screened]] = {}
+        by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
-            count = len(free) + len(item.candidate.places(engine.table))
-            by_width.setdefault(columns_for(count), []).append(item)
-        for width, items in by_width.items():
-            frees = [np.concatenate([free, i.candidate.places(engine.table)]) for i in items]
-            fits = solve(
-                engine,
-                batch,
-                np.array([i.vector for i in items]),
-                frees,
-                initial=np.repeat(state.initial[None], len(items), axis=0),
-                columns=width,
-                iterations=8,
-                tolerance=3e-3,
-            )
-            for k, item in enumerate(items):
-                trials.append(self._trial(state, item.candidate, engine, batch, fits, k, width, len(free)))
-        return _best_of_each(trials)
+            by_name.setdefault(item.candidate.name, []).append(item)
+        self.progress(f"refitting {len(by_name)} explanations")
+
+        def one(items: list[Screened]) -> Trial:
+            engine, vector, free = self._with(state, items[0].candidate)
+            rows = np.array([i.start(engine.table, vector, free) for i in items])
+            return self._refit(state, [i.candidate for i in items], engine, rows, free)
+
+        return sorted(self._each(one, list(by_name.values())), key=lambda t: t.score)
 
     def mechanisms(self, state: State) -> list[Trial]:
-        """Refits of the effects with a hidden coordinate, each in a program of its own, from several seeds."""
+        """Refits of the effects that no linear screen can weigh, from several seeds."""
         scene = scene_of(self.setting, state.plant, self.events)
         found: dict[tuple[str, str], list[Candidate]] = {}
         for c in candidates(state.plant, state.known, self.setting, scene):
-            if c.mechanism:
+            if c.unscreened:
                 found.setdefault(c.name, []).append(c)
-        trials = []
-        for (kind, site), seeds in found.items():
-            self.progress(f"refitting {kind.replace('_', ' ')}")
-            plant = Plant(state.plant.bridge, (*state.plant.effects, make_effect(kind, site, seeds[0].values)))
-            engine = Engine(plant)
-            vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(plant)))
-            names = [state.engine.table.entry(p).name for p in state.free]
-            base = np.array([engine.table.positions(name)[0] for name in names], np.int64)
-            batch = lanes_for(engine.table, plant, self.setting, self.setting.recordings, self.window)
-            few = lanes_for(engine.table, plant, self.setting, _shortest(self.setting.recordings), self.window)
-            free = np.concatenate([base, seeds[0].places(engine.table)])
-            width = columns_for(len(free))
-            # Seeds compete on the shortest recording; only the best is taken through all of them.
+        self.progress(f"refitting {len(found)} explanations with a hidden state")
+
+        def one(seeds: list[Candidate]) -> Trial:
+            engine, vector, free = self._with(state, seeds[0])
             rows = np.array([seed.set(engine.table, vector) for seed in seeds])
-            tries = solve(engine, few, rows, [free] * len(seeds), columns=width, iterations=5, tolerance=1e-2)
-            best = int(np.nanargmin(tries.cost))
-            hidden = batch.initial.copy()
-            hidden[:, :6] = state.initial[:, :6]
-            fits = solve(
-                engine,
-                batch,
-                tries.vectors[best][None],
-                [free],
-                initial=hidden[None],
-                columns=width,
-                iterations=8,
-                tolerance=3e-3,
+            frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
+            # Seeds compete on the shortest recording; only the best is taken through all of them.
+            few = lanes_for(
+                engine.table, engine.table.unravel(rows[0]), self.setting, _shortest(self.setting.recordings), self.window
             )
-            trials.append(self._trial(state, seeds[best], engine, batch, fits, 0, width, len(base)))
-        return trials
+            tries = solve(
+                engine, few, rows, frees, columns=columns_for(len(frees[0])), iterations=6, tolerance=1e-2
+            )
+            best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
+            return self._refit(state, [seeds[best]], engine, tries.vectors[best][None], free)
+
+        return self._each(one, list(found.values()))
+
+    def _each(self, work: Callable[[Any], Trial], items: list[Any]) -> list[Trial]:
+        """Two at a time: compiling and running release the interpreter."""
+        with ThreadPoolExecutor(2) as pool:
+            return list(pool.map(work, items))
+
+    def _with(self, state: State, candidate: Candidate) -> tuple[Engine, NDArray[np.float64], NDArray[np.int64]]:
+        """The state's model with a candidate's effect added, its parameters, and where the state's free ones stand."""
+        plant = state.plant
+        if candidate.kind != WRONG_VALUE:
+            values = {k: v for k, v in candidate.values.items() if k != "coulomb"}
+            plant = Plant(plant.bridge, (*plant.effects, make_effect(candidate.kind, candidate.site, values)))
+        engine = Engine(plant)
+        vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(plant)))
+        names = [state.engine.table.entry(p).name for p in state.free]
+        return engine, vector, np.array([engine.table.positions(name)[0] for name in names], np.int64)
+
+    def _refit(
+        self,
+        state: State,
+        seeds: list[Candidate],
+        engine: Engine,
+        rows: NDArray[np.float64],
+        free: NDArray[np.int64],
+    ) -> Trial:
+        plant = engine.table.unravel(rows[0])
+        batch = lanes_for(engine.table, plant, self.setting, self.setting.recordings, self.window)
+        initial = batch.initial.copy()
+        initial[:, :6] = state.initial[:, :6]
+        frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
+        width = columns_for(len(frees[0]))
+        fits = solve(
+            engine,
+            batch,
+            rows,
+            frees,
+            initial=np.repeat(initial[None], len(rows), axis=0),
+            columns=width,
+            iterations=10,
+            tolerance=3e-3,
+            drop=4.0,
+        )
+        best = int(np.nanargmin(np.where(np.isfinite(fits.cost), fits.cost, np.inf)))
+        return self._trial(state, seeds[best], engine, batch, fits, best, width, len(free))
 
     def _trial(
         self,
@@ -372,7 +408,7 @@ def _significance(
 ) -> float:
     """How far the candidate's strongest parameter stands from its null value, in standard deviations."""
     reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
-    covariance = covariance_of(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
+    covariance = inverse_normal(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
     best = 0.0
     for j in range(base, len(free)):
         info = table.entry(int(free[j])).info
@@ -381,49 +417,35 @@ def _significance(
     return best
 
 
-def covariance_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a normal matrix, scaled first; directions that the data do not determine come out large."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-    inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
-    return inverse / np.outer(scale, scale)
-
-
 def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
-    """The best candidates and the best of each site, with a second seed where one is nearly as good."""
-    seen: dict[tuple[str, str], int] = {}
+    """The best candidates and the best of each site, with a second seed where one is nearly as good.
+
+    A candidate from which the linear screen expects much less than from the best is not refitted, unless it is among
+    the first few: the screen misjudges what is strongly nonlinear, but not by an order of magnitude.
+    """
+    if not ranked:
+        return []
+    least = ranked[0].cost
+    seen: dict[tuple[str, str], Screened] = {}
     sites: set[str] = set()
+    second: set[tuple[str, str]] = set()
     chosen = []
-    names = 0
     for item in ranked:
-        name = item.candidate.name
-        number = seen.get(name, 0)
-        if number == 0 and (names < REFITS or item.candidate.site not in sites):
+        name, site = item.candidate.name, item.candidate.site
+        close = item.cost < _HOPELESS * least
+        if name not in seen:
+            if (len(seen) < REFITS and (close or len(seen) < _ALWAYS)) or (site not in sites and close):
+                chosen.append(item)
+                seen[name] = item
+                sites.add(site)
+        elif name not in second and item.cost < 1.5 * seen[name].cost and len(chosen) < 2 * REFITS:
             chosen.append(item)
-            seen[name] = 1
-            names += 1
-            sites.add(item.candidate.site)
-        elif number == 1 and item.candidate.values and names <= REFITS:
-            chosen.append(item)
-            seen[name] = 2
+            second.add(name)
     return chosen
-
-
-def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
-    best: dict[tuple[str, str], Trial] = {}
-    for trial in trials:
-        if trial.candidate.name not in best or trial.cost < best[trial.candidate.name].cost:
-            best[trial.candidate.name] = trial
-    return sorted(best.values(), key=lambda t: t.score)
 
 
 def _shortest(recordings: Sequence[Any]) -> tuple:
     return (min(recordings, key=lambda r: r.duration),)
-
-
-def is_mechanism(plant: Plant) -> bool:
-    return any(isinstance(effect, AbstractMechanism) for effect in plant.effects)
 
 
 def accepts(state: State, trial: Trial) -> str:

@@ -17,6 +17,7 @@ from .linearise import Engine, Gram
 
 _START_DAMPING = 1e-3
 _MOST_DAMPING = 1e8
+_BEFORE_DROP = 4
 
 
 @dataclasses.dataclass
@@ -144,6 +145,7 @@ def solve(
     iterations: int = 12,
     tolerance: float = 1e-4,
     weights: NDArray[np.float64] | None = None,
+    drop: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fits:
     """Fits every row from its own start.
@@ -156,6 +158,7 @@ def solve(
         iterations: most steps of a row.
         tolerance: a row is done when a step gains less than this share of its cost.
         weights: weight of each lane by row, 1 where None (0 leaves a lane out, for cross-validation).
+        drop: after four steps, rows are given up whose cost is this many times the best row's.
         progress: told after each iteration.
     """
     vectors = np.array(vectors, dtype=float)
@@ -203,6 +206,9 @@ def solve(
                 quiet[r] += damping[r] > 1e2
             if quiet[r] >= 2 or damping[r] > _MOST_DAMPING:
                 active[r] = False
+        if drop is not None and done >= _BEFORE_DROP:
+            costs = (products[:, :, -1, -1] * lane_weight).sum(axis=1)
+            active &= costs <= drop * costs.min()
         if progress is not None:
             best = min(float((products[r, :, -1, -1] * lane_weight[r]).sum()) for r in range(rows))
             progress(f"iteration {done}: {active.sum()} fits going, best cost {best:.4g}")

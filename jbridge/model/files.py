@@ -5,6 +5,7 @@ A file is data, checked key by key against the catalogue; nothing in it is execu
 """
 
 import datetime
+import itertools
 import json
 import math
 import os
@@ -21,12 +22,11 @@ import numpy as np
 from ..errors import InputError, listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
-from .effects.catalogue import KINDS
+from .effects.catalogue import KINDS, make_effect
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum
 from .effects.friction import PreslidingFriction
 from .parameters import ParameterTable, bridge_keys
 from .plant import Plant
-from .superset import make_effect
 
 _SECTIONS = ("bridge", "effect", "uncertainty")
 _SETTLED = ("winch_mass", "gravity")
@@ -196,7 +196,7 @@ def _read_effect(file: _Where, number: int, table: dict[str, Any]) -> AbstractEf
     for key, choices in options.items():
         if key in table:
             values[key] = _word(where, key, table[key], choices)
-    _check_vectors(where, {key: values[key] for key, info in infos.items() if info.vector})
+    _check_vectors(where, values, infos)
     return make_effect(kind, site, values)
 
 
@@ -240,13 +240,17 @@ def _vector(where: _Where, key: str, value: Any, info: ParameterInfo, unit: str)
     return [_number(where, f"{key}[{i}]", entry, info, unit) for i, entry in enumerate(value)]
 
 
-def _check_vectors(where: _Where, vectors: Mapping[str, list[float]]) -> None:
-    knots = vectors.get("knots", [])
-    if any(b <= a for a, b in zip(knots, knots[1:], strict=False)):
-        where.refuse("knots do not increase; sort the places, and keep one of each")
-    for key, values in vectors.items():
-        if len(values) != len(knots):
-            where.refuse(f"{key} has {len(values)} numbers for {len(knots)} knots; give one for each knot")
+def _check_vectors(where: _Where, values: Mapping[str, Any], infos: Mapping[str, ParameterInfo]) -> None:
+    """Places must increase, and each vector of estimated numbers has one for each of the places before it."""
+    places = ""
+    for key in (key for key, info in infos.items() if info.vector):
+        if not infos[key].fitted:
+            places = key
+            if any(b <= a for a, b in itertools.pairwise(values[key])):
+                where.refuse(f"{key} do not increase; sort them, and keep one of each")
+        elif len(values[key]) != len(values[places]):
+            count, wanted = len(values[key]), len(values[places])
+            where.refuse(f"{key} has {count} numbers for {wanted} {places}; give one for each of the {places}")
 
 
 def _shown(value: Any) -> str:

@@ -68,6 +68,14 @@ class Motion(NamedTuple):
         return Axes(self.x if self.motor is None else self.motor, self.psi, self.l)
 
 
+class Push(NamedTuple):
+    """Something added to a plant from outside: forces at the load's side, and friction levels."""
+
+    force: Axes
+    up: Axes
+    down: Axes
+
+
 class Plant(eqx.Module):
     """A bridge and its effects. `Plant(bridge)` is the rigid, viscous bridge."""
 
@@ -166,6 +174,7 @@ class Plant(eqx.Module):
         first: Axes,
         h: Scalar,
         go: Array,
+        push: Push | None = None,
     ) -> Motion:
         """Accelerations of all coordinates [m/s^2, rad/s^2].
 
@@ -177,6 +186,8 @@ class Plant(eqx.Module):
             active: 1 for an axis that moves, 0 for one that is locked or absent.
             first: velocities of drives and swing at the step's beginning, from which friction is judged.
             h: length of the step [s]; the mean friction over it is used.
+            go: true, for `materialise`.
+            push: forces and friction levels to add.
         """
         train, rope, hook = self.drive_train, self.only(RopeElasticity), self.only(DoublePendulum)
         b = self.bridge
@@ -191,6 +202,8 @@ class Plant(eqx.Module):
         block = active if rope is None else active._replace(l=loaded)
         bias = b.bias(load_q, load_v)
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
+        if push is not None:
+            force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))
         drive = self.drive_forces(volts, q)
         at_x = drive.x + resistance.x
         at_l = drive.l + resistance.l
@@ -231,8 +244,12 @@ class Plant(eqx.Module):
         rest = Axes(
             free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch
         )
-        w = ((w_x, w_xp, w_xl), (w_xp, inv.pp if hook is None else inv.pp, w_pl), (w_xl, w_pl, w_l))
-        positive, negative = materialise(self.friction_levels(t, q.at_drives(), v.at_drives()), go)
+        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives())
+        if push is not None:
+            positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
+            negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))
+        w = ((w_x, w_xp, w_xl), (w_xp, inv.pp, w_pl), (w_xl, w_pl, w_l))
+        positive, negative = materialise((positive, negative), go)
         w, rest, inv, free = materialise((w, rest, inv, free), go)
         contact = train if isinstance(train, Backlash) else None
         f = [jnp.zeros_like(q.x)] * 3

@@ -1,5 +1,6 @@
 """`report.html`: the verdict first, then the proof, then what a rig's owner needs in order to believe it."""
 
+import math
 from collections.abc import Mapping
 
 from ..diagnosis.result import Diagnosis, NamedEffect
@@ -10,7 +11,7 @@ from .html import (
     fold,
     page,
     paragraph,
-    parameter_table,
+    parameter_tables,
     section,
     show,
     show_all,
@@ -19,7 +20,7 @@ from .html import (
 )
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, digits, percent, shown
-from .rows import error_rows, error_text, parameter_rows
+from .rows import error_rows, error_text, is_changed
 from .trials import trial_table
 from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_meaning, effect_name, site_name
 
@@ -53,7 +54,7 @@ def _header(diagnosis: Diagnosis) -> str:
     facts = [
         ("Place", capital(place) if diagnosis.adequacy.alarm or location.site else "none"),
         ("Named physics", capital(named) if named else "none"),
-        ("Hold-out error, before and after", _worst(diagnosis)),
+        ("Hold-out error, before and after" if is_changed(diagnosis) else "Hold-out error", _worst(diagnosis)),
     ]
     shown_facts = "".join(element("div", tag("dt", name) + tag("dd", value)) for name, value in facts)
     return element(
@@ -75,20 +76,21 @@ def _worst(diagnosis: Diagnosis) -> str:
         return UNKNOWN
     channel = max(ratios, key=lambda name: ratios[name])
     row = error_rows({channel: before[channel]}, {channel: after[channel]}, noise)[0]
-    if diagnosis.effects:
+    if is_changed(diagnosis):
         return f"{CHANNELS[channel]}: {row.before} to {row.after} ({row.after_ratio})"
     return f"{CHANNELS[channel]}: {row.after} ({row.after_ratio})"
 
 
 def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
     names = ", ".join(diagnosis.holdout)
-    adequacy = diagnosis.adequacy
-    learnable = (
-        f"Before anything was added, {percent(adequacy.learnable_before)} of the unexplained force repeated from"
-        f" recording to recording; {percent(adequacy.learnable_after)} does now."
+    changed = is_changed(diagnosis)
+    explained = (
+        " 'Before' is the model as given with its unknown numbers fitted anew, 'after' the final model."
+        if changed
+        else ""
     )
     return section(
-        "How well it fits, before and after",
+        "How well it fits, before and after" if changed else "How well it fits",
         paragraph(
             f"The proof is on recordings that were opened once, after the model was frozen: {names}."
             if names
@@ -96,16 +98,22 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
         ),
         show_all(gallery.improvement),
         tag("h3", "Hold-out, whole recordings"),
-        errors_table(diagnosis.holdout_before.free_run, diagnosis.holdout_after.free_run, diagnosis.noise),
+        errors_table(
+            diagnosis.holdout_before.free_run if changed else None, diagnosis.holdout_after.free_run, diagnosis.noise
+        ),
         tag("h3", f"Hold-out, windows of {diagnosis.window:g} s"),
-        errors_table(diagnosis.holdout_before.window, diagnosis.holdout_after.window, diagnosis.noise),
+        errors_table(
+            diagnosis.holdout_before.window if changed else None, diagnosis.holdout_after.window, diagnosis.noise
+        ),
         tag("h3", "Training recordings, whole"),
-        errors_table(diagnosis.train_before.free_run, diagnosis.train_after.free_run, diagnosis.noise),
-        paragraph(f"{learnable} {_alarm(diagnosis)}"),
+        errors_table(
+            diagnosis.train_before.free_run if changed else None, diagnosis.train_after.free_run, diagnosis.noise
+        ),
+        paragraph(f"{_alarm(diagnosis)} {_learnable(diagnosis)}"),
         paragraph(
-            "Errors are root mean squares of simulations that are given the inputs and the start alone. 'Before' is the"
-            " model as given with its unknown numbers fitted anew, 'after' the final model. An error of 1 × noise is as"
-            " good as the sensors can show. In windows a simulation starts anew each time, so slow drift counts less.",
+            "Errors are root mean squares of simulations that are given the inputs and the start alone."
+            f"{explained} An error of 1 × noise is as good as the sensors can show. In windows a simulation starts anew"
+            " each time, so slow drift counts less.",
             "soft",
         ),
     )
@@ -113,10 +121,18 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
 
 def _alarm(diagnosis: Diagnosis) -> str:
     adequacy = diagnosis.adequacy
-    chance = "" if not adequacy.p_value == adequacy.p_value else f", p = {digits(adequacy.p_value, 2)}"
+    chance = f" (p = {adequacy.p_value:.2g})" if math.isfinite(adequacy.p_value) else ""
     if adequacy.alarm:
         return f"The model as given does not explain the recordings{chance}."
     return f"The model as given, refitted, explains what can be explained{chance}."
+
+
+def _learnable(diagnosis: Diagnosis) -> str:
+    before, after = diagnosis.adequacy.learnable_before, diagnosis.adequacy.learnable_after
+    if not math.isfinite(before):
+        return ""
+    said = f"Of the force that it leaves unexplained, {percent(before)} repeats from recording to recording"
+    return f"{said}; with the final model {percent(after)}." if math.isfinite(after) else f"{said}."
 
 
 def errors_table(before: Mapping[str, float] | None, after: Mapping[str, float], noise: Mapping[str, float]) -> str:
@@ -165,8 +181,7 @@ def _effect(effect: NamedEffect, diagnosis: Diagnosis, gallery: Gallery) -> str:
         for piece in (
             tag("h3", capital(effect_name(effect.kind, effect.site)) + chance),
             paragraph(effect.statement or capital(meaning)),
-            paragraph(f"In other words: {meaning}.", "soft") if effect.statement and meaning else "",
-            parameter_table(parameter_rows(effect.parameters, effect.kind, effect.site, diagnosis.model.known)),
+            parameter_tables(effect.parameters, effect.kind, effect.site, diagnosis.model.known),
             show((gallery.maps or {}).get((effect.kind, effect.site))),
             _rivals(effect, diagnosis),
         )
@@ -180,9 +195,11 @@ def _rivals(effect: NamedEffect, diagnosis: Diagnosis) -> str:
     channels = [channel for channel in CHANNELS if any(channel in rival.holdout for rival in effect.equivalents)]
     rows = [
         (
-            capital(effect_name(rival.kind, rival.site)),
+            f"{capital(effect_name(rival.kind, rival.site))}: {effect_meaning(rival.kind, rival.site)}".removesuffix(
+                ": "
+            ),
             percent(rival.probability),
-            "; ".join(f"{key} {shown(estimate).text}" for key, estimate in rival.parameters.items()),
+            "\n".join(_unbroken(f"{key} {shown(estimate).text}") for key, estimate in rival.parameters.items()),
             *(error_text(channel, rival.holdout.get(channel)) for channel in channels),
         )
         for rival in effect.equivalents
@@ -193,22 +210,26 @@ def _rivals(effect: NamedEffect, diagnosis: Diagnosis) -> str:
         "as above",
         *(error_text(channel, diagnosis.holdout_after.free_run.get(channel)) for channel in channels),
     )
-    return paragraph("These recordings cannot tell it from:") + table(
-        ("explanation", "probability", "with", *(f"hold-out error {channel}" for channel in channels)),
+    return paragraph("These recordings cannot tell it from the following; errors are those on the hold-out.") + table(
+        ("explanation", "probability", "with", *(f"error in {channel}" for channel in channels)),
         [own, *rows],
         numbers=(1, *range(3, 3 + len(channels))),
     )
 
 
+def _unbroken(text: str) -> str:
+    """A text that stays on one line."""
+    return text.replace(" ", "\u00a0")
+
+
 def _place(diagnosis: Diagnosis, gallery: Gallery) -> str:
     location = diagnosis.location
     sentences = [*where_sentences(diagnosis), *when_sentences(diagnosis)]
-    found = (
-        f"The evidence points to the {site_name(location.site)}." if location.site else "The evidence points nowhere."
-    )
+    if location.site is None and not sentences:
+        return section("What the model leaves unexplained", show_all(gallery.evidence), show_all(gallery.forces))
     return section(
         "Where and when",
-        paragraph(found),
+        paragraph(f"The evidence points to the {site_name(location.site)}." if location.site else ""),
         bullets(sentences),
         show_all(gallery.evidence),
         show_all(gallery.forces),
@@ -217,11 +238,11 @@ def _place(diagnosis: Diagnosis, gallery: Gallery) -> str:
 
 def _parameters(diagnosis: Diagnosis, gallery: Gallery) -> str:
     known = diagnosis.model.known
-    pieces = [parameter_table(parameter_rows(diagnosis.bridge, known=known))]
+    pieces = [parameter_tables(diagnosis.bridge, known=known)]
     for effect in diagnosis.model_effects:
         pieces += [
             tag("h3", capital(effect_name(effect.kind, effect.site))),
-            parameter_table(parameter_rows(effect.parameters, effect.kind, effect.site, known)),
+            parameter_tables(effect.parameters, effect.kind, effect.site, known),
             show((gallery.maps or {}).get((effect.kind, effect.site))),
         ]
     return section("The model's own numbers, refitted", *pieces)

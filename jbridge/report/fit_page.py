@@ -3,9 +3,9 @@
 from ..identify.result import Fit
 from .diagnosis_page import errors_table
 from .figures.gallery import Gallery
-from .html import bullets, element, page, paragraph, parameter_table, section, show, show_all, tag
+from .html import bullets, element, page, paragraph, parameter_tables, section, show, show_all, tag
 from .quantities import digits
-from .rows import error_rows, parameter_rows, parts
+from .rows import error_rows, parts
 from .words import CHANNELS, capital, effect_name
 
 
@@ -37,7 +37,7 @@ def _parameters(fit: Fit, gallery: Gallery) -> str:
     for part in parts(fit):
         if part.kind is not None and part.site is not None:
             pieces.append(tag("h3", capital(effect_name(part.kind, part.site))))
-        pieces.append(parameter_table(parameter_rows(part.parameters, part.kind, part.site, known)))
+        pieces.append(parameter_tables(part.parameters, part.kind, part.site, known))
         if part.kind is not None and part.site is not None:
             pieces.append(show((gallery.maps or {}).get((part.kind, part.site))))
     return section("The fitted numbers", *pieces)

@@ -1,12 +1,15 @@
 """Pieces of a self-contained page: everything from files is escaped here, and pictures are part of the page."""
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from itertools import zip_longest
 
+from ..identify.result import Estimate
 from .figures.style import Picture
-from .rows import ParameterRow
+from .quantities import UNKNOWN, shown_entries
+from .rows import parameter_rows
 from .words import capital
 
 
@@ -65,24 +68,37 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[
     return element("div", element("table", inside), "wide")
 
 
-def parameter_table(rows: Sequence[ParameterRow]) -> str:
+def parameter_tables(
+    parameters: Mapping[str, Estimate], kind: str | None = None, site: str | None = None, known: Collection[str] = ()
+) -> str:
+    """The parameters of an effect, or of the bridge; those that are lists make a table with a row per place.
+
+    Args:
+        parameters: by key.
+        kind, site: of the effect.
+        known: names of the model's parameters that were not estimated.
+    """
+    lists = {key: estimate for key, estimate in parameters.items() if isinstance(estimate.value, list)}
+    numbers = {key: estimate for key, estimate in parameters.items() if key not in lists}
+    rows = parameter_rows(numbers, kind, site, known)
     return table(
         ("parameter", "value", "95 % interval", "unit", "what it is"),
         [(row.name, row.value, row.interval, row.unit, row.meaning) for row in rows],
         numbers=(1, 2),
-    )
+    ) + _list_table(lists)
 
 
-def map_table(parameters: Mapping[str, Estimate]) -> str:
-    """Parameters that are lists, one row per place; the first of them names the places."""
-    columns = list(parameters.items())
-    head = [f"{key} [{shown(estimate).unit}]" for key, estimate in columns]
-    cells = [shown_each(estimate) for _, estimate in columns]
-    for i in reversed(range(1, len(columns))):
-        head.insert(i + 1, "95 % interval")
-        cells.insert(i + 1, [row.interval for row in cells[i]])
-    rows = zip(*([row if isinstance(row, str) else row.value for row in column] for column in cells), strict=True)
-    return table(head, rows, numbers=range(len(head)))
+def _list_table(lists: Mapping[str, Estimate]) -> str:
+    """Lists side by side, with intervals where there are any."""
+    head, columns = [], []
+    for key, estimate in lists.items():
+        entries = shown_entries(estimate)
+        head.append(f"{key} [{entries[0].unit}]" if entries and entries[0].unit else key)
+        columns.append([entry.value for entry in entries])
+        if any(entry.interval != UNKNOWN for entry in entries):
+            head.append("95 % interval")
+            columns.append([entry.interval for entry in entries])
+    return table(head, list(zip_longest(*columns, fillvalue="")), numbers=range(len(head)))
 
 
 def show(picture: Picture | None) -> str:

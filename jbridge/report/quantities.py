@@ -124,26 +124,40 @@ class Shown:
 
 
 def shown(estimate: Estimate) -> Shown:
-    """An estimate with as many digits as its uncertainty justifies.
+    """An estimate with as many digits as its uncertainty justifies; a vector without its intervals, for lack of room.
 
     >>> shown(Estimate(0.3012, 0.011, 0.2801, 0.3224, "V")).text
     '0.301 V (95 %: 0.280 to 0.322)'
+    >>> shown(Estimate([1.0, 2.0], None, None, None, "N")).text
+    '1, 2 N'
     """
+    each = shown_entries(estimate)
+    if len(each) == 1:
+        return each[0]
+    return Shown(", ".join(entry.value for entry in each), UNKNOWN, each[0].unit if each else "")
+
+
+def shown_entries(estimate: Estimate) -> list[Shown]:
+    """The entries of a vector (a scalar is a vector of one), all in one unit and with the same digits."""
     values, stds = as_list(estimate.value), as_list(estimate.std)
-    lows, highs = as_list(estimate.low), as_list(estimate.high)
+    lows, highs = _padded(estimate.low, len(values)), _padded(estimate.high, len(values))
     scale = scale_for(estimate.unit, [*values, *lows, *highs])
     known = [std for std in stds if std is not None and math.isfinite(std) and std > 0]
     finest = min(known) * scale.factor if known else None
 
-    def each(numbers: list[float | None]) -> list[str]:
-        return [_rounded(None if number is None else number * scale.factor, finest) for number in numbers]
+    def text(number: float | None) -> str:
+        return _rounded(None if number is None else number * scale.factor, finest)
 
-    ends = [
-        f"{low} to {high}" if UNKNOWN not in (low, high) else UNKNOWN
-        for low, high in zip(each(lows), each(highs), strict=False)
-    ]
-    interval = ", ".join(ends) if any(end != UNKNOWN for end in ends) else UNKNOWN
-    return Shown(", ".join(each(values)), interval, scale.unit)
+    entries = []
+    for value, low, high in zip(values, map(text, lows), map(text, highs), strict=True):
+        interval = UNKNOWN if UNKNOWN in (low, high) else f"{low} to {high}"
+        entries.append(Shown(text(value), interval, scale.unit))
+    return entries
+
+
+def _padded(value: float | list[float] | None, size: int) -> list[float | None]:
+    numbers = as_list(value)
+    return numbers if len(numbers) == size else [None] * size
 
 
 def as_list(value: float | list[float] | None) -> list[float | None]:

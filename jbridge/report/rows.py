@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Collection, Mapping
 
+from ..diagnosis.result import Diagnosis
 from ..identify.result import Estimate, Fit
 from .quantities import UNKNOWN, digits, error_scale, join_unit, percent, shown, times_noise
 from .words import is_choice, parameter_meaning
@@ -123,6 +124,11 @@ def parts(fit: Fit) -> list[Part]:
         kind, _, place = owner.partition("@")
         found.append(Part(kind, place.partition("#")[0], parameters))
     return found
+
+
+def is_changed(diagnosis: Diagnosis) -> bool:
+    """Whether the final model is another one than the model as given, refitted."""
+    return bool(diagnosis.effects) or diagnosis.holdout_before != diagnosis.holdout_after
 
 
 def units_of(parameters: Mapping[str, Estimate]) -> dict[str, str]:

@@ -10,10 +10,10 @@ from .as_json import INPUT_FILE
 from .files import PathLike
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, join_unit, percent
-from .rows import error_rows, parameter_rows, parts
+from .rows import error_rows, is_changed, parameter_rows, parts
 from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_name, site_name
 
-_WIDTH = 100
+_WIDTH = 88
 _INDENT = 12
 
 
@@ -33,8 +33,7 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
     for effect in diagnosis.effects:
         lines += _effect(effect, diagnosis)
     lines += ["", *_fit(diagnosis)]
-    for warning in diagnosis.warnings:
-        lines += ["", *_wrapped("Warning", warning)]
+    lines += _warnings(diagnosis.warnings)
     if diagnosis.next_experiment is not None:
         where = f" (input in {Path(folder) / INPUT_FILE})" if folder is not None else ""
         lines += ["", *_wrapped("Record next", diagnosis.next_experiment.purpose + where)]
@@ -61,8 +60,7 @@ def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
         if errors is not None:
             lines += ["", *_errors(f"{which}, whole recordings", None, errors.free_run, fit.noise)]
             lines += _errors(f"{which}, windows of {fit.window:g} s", None, errors.window, fit.noise)
-    for warning in fit.warnings:
-        lines += ["", *_wrapped("Warning", warning)]
+    lines += _warnings(fit.warnings)
     if folder is not None:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
         lines += [f"{'':{_INDENT}}{Path(folder) / 'fit.json'}, {Path(folder) / 'model.toml'}"]
@@ -111,9 +109,10 @@ def _parameters(
 
 def _fit(diagnosis: Diagnosis) -> list[str]:
     before, after = diagnosis.holdout_before, diagnosis.holdout_after
-    lines = _errors("Hold-out, whole recordings", before.free_run, after.free_run, diagnosis.noise)
+    changed = is_changed(diagnosis)
+    lines = _errors("Hold-out, whole recordings", before.free_run if changed else None, after.free_run, diagnosis.noise)
     title = f"Hold-out, windows of {diagnosis.window:g} s"
-    return lines + _errors(title, before.window, after.window, diagnosis.noise)
+    return lines + _errors(title, before.window if changed else None, after.window, diagnosis.noise)
 
 
 def _errors(
@@ -124,8 +123,8 @@ def _errors(
     head = ["before", "after", "noise"] if before is not None else ["rms error", "noise"]
     cells = [head]
     for row in rows:
-        first = [f"{row.before} ({row.before_ratio})"] if before is not None else []
-        cells.append([*first, f"{row.after} ({row.after_ratio})", row.noise])
+        first = [_with_ratio(row.before, row.before_ratio)] if before is not None else []
+        cells.append([*first, _with_ratio(row.after, row.after_ratio), row.noise])
     widths = [max(len(line[i]) for line in cells) for i in range(len(head))]
     names = [title, *(f"  {CHANNELS[row.channel]}" for row in rows)]
     left = max(28, *map(len, names))
@@ -133,6 +132,15 @@ def _errors(
         f"{name:{left}}  " + "  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True))
         for name, line in zip(names, cells, strict=True)
     ]
+
+
+def _warnings(warnings: Iterable[str]) -> list[str]:
+    lines = [line for warning in warnings for line in _wrapped("Warning", warning)]
+    return ["", *lines] if lines else []
+
+
+def _with_ratio(error: str, ratio: str) -> str:
+    return error if ratio == UNKNOWN else f"{error} ({ratio})"
 
 
 def _wrapped(name: str, text: str) -> list[str]:

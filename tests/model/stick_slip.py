@@ -10,6 +10,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.integrate import solve_ivp
 
+ROUNDING = 1e-11
+"""What an event overshoots by [m/s, rad/s; N, N m], so that a phase does not end at the instant at which it begins."""
+
 
 class StickSlip:
     """A bridge with viscous damping and Coulomb friction.
@@ -25,9 +28,10 @@ class StickSlip:
     ):
         self.bridge, self.levels = bridge, np.asarray(levels, dtype=float)
         self.active = np.asarray(active, dtype=bool)
+        self.sticky = self.active & (np.max(self.levels, axis=1) > 0)
 
     def mass_and_force(self, q: np.ndarray, v: np.ndarray, volts: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-        """The mass matrix, and everything else but friction [N, N m, N]; equations of motion of the paper, corrected."""
+        """The mass matrix, and everything else but friction [N, N m, N]; the paper's, corrected."""
         b = self.bridge
         m1, m2, je, g = b["cart_mass"], b["load_mass"], b["winch_mass"], b["gravity"]
         s, c, l = np.sin(q[1]), np.cos(q[1]), q[2]
@@ -67,14 +71,15 @@ class StickSlip:
             volts: inputs.
             loosened: axes whose friction has just reached its level.
         """
-        mode = np.sign(v)
+        resting = np.where(self.sticky, np.sign(v), 1.0)
+        mode = resting.copy()
         for axis in loosened:
-            mode[axis] = -np.sign(self.motion(q, v, volts, np.sign(v))[1][axis])
+            mode[axis] = -np.sign(self.motion(q, v, volts, resting)[1][axis])
         for _ in range(3):
             friction = self.motion(q, v, volts, mode)[1]
             excess = np.maximum(friction - self.levels[:, 1], -friction - self.levels[:, 0])
-            worst = int(np.argmax(np.where((mode == 0) & self.active, excess, -np.inf)))
-            if mode[worst] or excess[worst] <= 0 or not self.active[worst]:
+            worst = int(np.argmax(np.where((mode == 0) & self.sticky, excess, -np.inf)))
+            if mode[worst] or excess[worst] <= 0 or not self.sticky[worst]:
                 break
             mode[worst] = -np.sign(friction[worst])
         return mode
@@ -90,10 +95,12 @@ class StickSlip:
             times: wanted [s], within the pieces.
         """
         y, now, rows = np.array(state, dtype=float), 0.0, {}
-        moving = np.flatnonzero(self.active)
+        sticky = np.flatnonzero(self.sticky)
         for duration, volts in pieces:
-            end, loosened = now + duration, []
+            end, loosened, phases = now + duration, [], 0
             while now < end - 1e-12:
+                phases += 1
+                assert phases < 200, "the events pile up"
                 mode = self.mode_at(y[:3], y[3:], volts, loosened)
                 found = solve_ivp(
                     lambda _, y, mode=mode, volts=volts: np.concatenate(
@@ -105,25 +112,25 @@ class StickSlip:
                     rtol=1e-10,
                     atol=1e-12,
                     dense_output=True,
-                    events=[self.event(i, volts, mode) for i in moving],
+                    events=[self.event(i, volts, mode) for i in sticky],
                 )
                 for k in np.flatnonzero((times >= now) & (times <= found.t[-1] + 1e-12)):
                     rows[k] = found.sol(times[k])
                 y, now = found.y[:, -1].copy(), found.t[-1]
-                happened = [i for i, when in zip(moving, found.t_events, strict=True) if len(when)]
+                happened = [i for i, when in zip(sticky, found.t_events, strict=True) if len(when)]
                 loosened = [i for i in happened if not mode[i]]
-                y[3:][[i for i in moving if not mode[i] or i in happened]] = 0.0
+                y[3:][[i for i in sticky if not mode[i] or i in happened]] = 0.0
         return np.array([rows[k] for k in range(len(times))])
 
     def event(self, i: int, volts: Sequence[float], mode: np.ndarray):
         """Zero where axis `i` comes to rest, or where its friction no longer holds it."""
 
         def comes_to_rest(t, y):
-            return y[3 + i] * mode[i]
+            return y[3 + i] * mode[i] + ROUNDING
 
         def breaks_away(t, y):
             friction = self.motion(y[:3], y[3:], volts, mode)[1][i]
-            return min(self.levels[i, 1] - friction, self.levels[i, 0] + friction)
+            return min(self.levels[i, 1] - friction, self.levels[i, 0] + friction) + ROUNDING
 
         event = comes_to_rest if mode[i] else breaks_away
         event.terminal, event.direction = True, -1

@@ -1,6 +1,9 @@
 """The one list of the effects that there are; a new effect is one class and one line here."""
 
-from .base import AbstractEffect
+from collections.abc import Mapping
+from typing import Any
+
+from .base import AbstractEffect, parameters_of
 from .drives import (
     ActuatorLag,
     DeadZone,
@@ -76,3 +79,13 @@ UNNAMED: dict[str, type[AbstractEffect]] = {ResidualForce.kind: ResidualForce}
 
 KINDS: dict[str, type[AbstractEffect]] = CATALOGUE | UNNAMED
 """Everything that a model file may hold."""
+
+
+def make_effect(kind: str, site: str, values: Mapping[str, Any]) -> AbstractEffect:
+    """An effect from parameter values by key; what is not given stands at its null value."""
+    cls = KINDS[kind]
+    infos = parameters_of(cls)
+    arguments: dict[str, Any] = {info.name: info.null for info in infos.values()}
+    for key, value in values.items():
+        arguments[infos[key].name if key in infos else key] = value
+    return cls(**arguments, site=site)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from ..quantities import percent
 from ..words import site_name
@@ -15,7 +15,7 @@ def draw_evidence(name: str, sites: Mapping[str, float], chosen: str | None) -> 
     if not ranked:
         return None
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         panel = figure.subplots()
         places = range(len(ranked))[::-1]
         colours = [MARK if site == chosen else NOISE for site, _ in ranked]

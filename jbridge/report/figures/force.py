@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...diagnosis.result import Region
@@ -43,7 +43,7 @@ def draw_force(
         axis: `x`, `psi` or `l`.
         where: regions in which the mismatch sits.
         units: of the inputs.
-        labels: what the model before and after is called.
+        labels: what the model before and after is called; one that is empty is left out.
 
     Returns:
         None where no recording has a force on that axis.
@@ -58,7 +58,7 @@ def draw_force(
     columns = 2 if len(panels) in (2, 4) else len(panels)
     rows = -(-len(panels) // columns)
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
         top = _top([table for _, table in panels])
         for panel, (variable, table) in zip(grid.flat, panels, strict=True):
@@ -77,8 +77,10 @@ def draw_force(
         handles, names = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=2)
 
-    title = f"Unexplained {quantity}: dots are moments, lines their running median"
-    return picture(name, title, 0.6 + 2.8 * rows, draw)
+    explanation = "What the motion needs beyond the model. Lines: running median." + (
+        " Yellow: where the mismatch sits." if regions else ""
+    )
+    return picture(name, f"Unexplained {quantity}", 0.6 + 2.8 * rows, draw, explanation)
 
 
 def _shown_unit(variable: str, units: Mapping[str, str]) -> str:
@@ -123,12 +125,10 @@ def _top(tables: Sequence[tuple[Points, Points, Points]]) -> float:
 def _draw_panel(panel: Axes, table: tuple[Points, Points, Points], labels: tuple[str, str], jumps: bool) -> None:
     values, *forces = table
     step = max(values.size // _MOST_POINTS, 1)
-    for force, colour in zip(forces, (BEFORE, AFTER), strict=True):
-        panel.plot(
-            values[::step], force[::step], ".", color=colour, alpha=0.16, markersize=3.0, markeredgewidth=0, zorder=1
-        )
     for force, colour, said in zip(forces, (BEFORE, AFTER), labels, strict=True):
         if said:
+            dots = values[::step], force[::step]
+            panel.plot(*dots, ".", color=colour, alpha=0.16, markersize=3.0, markeredgewidth=0, zorder=1)
             centres, medians = running_median(values, force, jumps)
             # A white rim keeps the line apart from its own dots.
             panel.plot(centres, medians, color="white", linewidth=4.0, zorder=2)

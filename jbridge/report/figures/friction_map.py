@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from ...identify.result import Estimate
 from ..quantities import as_list, pretty_unit
@@ -26,7 +26,7 @@ def draw_friction_map(name: str, kind: str, site: str, parameters: Mapping[str, 
     places = np.array(as_list(parameters["knots"].value), dtype=np.float64)
     quantity = "rope length l" if site == "hoist" else "cart position x"
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         panel = figure.subplots()
         for key in curves:
             said, colour, marker = _CURVES[key]
@@ -40,7 +40,7 @@ def draw_friction_map(name: str, kind: str, site: str, parameters: Mapping[str, 
         panel.set_ylabel(f"friction level [{pretty_unit(parameters[curves[0]].unit)}]")
         figure.legend(loc="outside upper left", ncols=2)
 
-    return picture(name, f"{capital(effect_name(kind, site))}: level by place, with 95 % intervals", 3.4, draw)
+    return picture(name, capital(effect_name(kind, site)), 3.2, draw, "Level by place, with its 95 % intervals.")
 
 
 def _array(value: float | list[float] | None, size: int) -> np.ndarray:

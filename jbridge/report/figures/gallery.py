@@ -16,10 +16,10 @@ from .friction_map import draw_friction_map
 from .improvement import draw_improvement
 from .residuals import draw_residuals
 from .signals import draw_signals
-from .style import Picture
+from .style import Picture, drawable
 
-AFTER_DIAGNOSIS = ("model as given, refitted", "final model")
-AFTER_FIT = ("model as given", "fitted model")
+_DIAGNOSED = ("model as given, refitted", "final model")
+_FITTED = ("model as given", "fitted model")
 _MOST_HOLDOUTS = 3
 OWN_NAME = re.compile(
     r"(improvement|places|force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
@@ -49,7 +49,7 @@ def diagnosis_gallery(diagnosis: Diagnosis) -> Gallery:
     units = input_units(units_of(diagnosis.bridge))
     location = diagnosis.location
     traces = choose(diagnosis.traces, diagnosis.noise, location.when)
-    labels = _labels(diagnosis.traces, AFTER_DIAGNOSIS)
+    labels = _labels(diagnosis.traces, _DIAGNOSED, alone=_DIAGNOSED[0])
     return Gallery(
         improvement=_improvement(
             diagnosis.holdout_before, diagnosis.holdout_after, diagnosis.noise, diagnosis.window, labels
@@ -68,7 +68,7 @@ def fit_gallery(fit: Fit) -> Gallery:
     bridge, *effects = parts(fit)
     units = input_units(units_of(bridge.parameters))
     traces = choose(fit.traces, fit.noise, ())
-    labels = _labels(fit.traces, AFTER_FIT)
+    labels = _labels(fit.traces, _FITTED, alone=_FITTED[1])
     return Gallery(
         maps=_maps([NamedEffect(part.kind or "", part.site or "", None, part.parameters, (), "") for part in effects]),
         signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
@@ -90,7 +90,9 @@ def misfit(trace: Trace, noise: Mapping[str, float]) -> float:
     """Largest rms error of the simulation before, as a multiple of the noise, over the channels."""
     ratios = [0.0]
     for channel, measured in trace.measured.items():
-        left = (measured - trace.before[channel])[np.isfinite(measured)] if channel in trace.before else np.empty(0)
+        if channel not in trace.before:
+            continue
+        left = (measured - drawable(trace.before[channel]))[np.isfinite(measured)]
         if left.size and noise.get(channel):
             ratio = float(np.sqrt(np.mean(left**2))) / noise[channel]
             # A run that goes astray is the worst of all.
@@ -98,14 +100,14 @@ def misfit(trace: Trace, noise: Mapping[str, float]) -> float:
     return max(ratios)
 
 
-def _labels(traces: Sequence[Trace], labels: tuple[str, str]) -> tuple[str, str]:
-    """The names of the simulations; where both are the same, the first is left out."""
+def _labels(traces: Sequence[Trace], labels: tuple[str, str], alone: str) -> tuple[str, str]:
+    """The names of the simulations; where both are the same, one goes by the name `alone` and the other is left out."""
     same = all(
         np.array_equal(values, trace.after.get(channel, np.empty(0)), equal_nan=True)
         for trace in traces
         for channel, values in trace.before.items()
     )
-    return ("", labels[0] if labels is AFTER_DIAGNOSIS else labels[1]) if same else labels
+    return ("", alone) if same else labels
 
 
 def _improvement(

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
+from matplotlib.ticker import NullFormatter
 
 from ...identify.result import Errors
 from .style import AFTER, BEFORE, Picture, picture
@@ -21,7 +22,7 @@ def draw_improvement(
         before, after: errors on the hold-out.
         noise: of each channel [m, rad, m].
         window: length of the windows [s].
-        labels: what the model before and after is called.
+        labels: what the model before and after is called; one that is empty is left out.
     """
     rows = []
     for channel, quantity in _NAMES.items():
@@ -33,18 +34,20 @@ def draw_improvement(
     if not rows:
         return None
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         panel = figure.subplots()
         places = np.arange(len(rows))[::-1]
         ratios = np.array([pair for _, pair in rows])
         panel.axvspan(1e-3, 1.0, color="#f0f0f0", linewidth=0, zorder=0)
         panel.axvline(1.0, color="#606060", linewidth=1.2)
         panel.hlines(places, ratios[:, 1], ratios[:, 0], color="#b0b0b0", linewidth=3.0, zorder=1)
-        for column, colour, said in zip(ratios.T, (BEFORE, AFTER), labels, strict=True):
-            panel.plot(column, places, "o", color=colour, markersize=9, label=said, zorder=2)
+        drawn = [i for i, said in enumerate(labels) if said]
+        colours = (BEFORE, AFTER)
+        for i in drawn:
+            panel.plot(ratios[:, i], places, "o", color=colours[i], markersize=9, label=labels[i], zorder=2)
         for place, pair in zip(places, ratios, strict=True):
-            ends = sorted(zip(pair, (BEFORE, AFTER), strict=True))
-            for (value, colour), side in zip(ends, (-1, 1), strict=True):
+            ends = sorted((pair[i], colours[i]) for i in drawn)
+            for (value, colour), side in zip(ends, (-1, 1) if len(ends) == 2 else (1,), strict=True):
                 panel.annotate(
                     f"{value:.1f}" if value < 10 else f"{value:.0f}",
                     (value, place),
@@ -53,15 +56,23 @@ def draw_improvement(
                     ha="left" if side > 0 else "right",
                     va="center",
                     color=colour,
+                    bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
                 )
         panel.set_xscale("log")
         panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        panel.set_xlim(min(0.4, 0.5 * ratios.min()), 2.2 * max(ratios.max(), 3.0))
+        panel.xaxis.set_minor_formatter(NullFormatter())
+        panel.set_xlim(min(0.4, 0.5 * ratios.min()), 2.2 * max(ratios.max(), 5.0))
         panel.set_ylim(-0.6, len(rows) - 0.4)
         panel.set_yticks(places, [said for said, _ in rows])
         panel.tick_params(axis="y", length=0)
         panel.grid(False, axis="y")
-        panel.set_xlabel("rms error as a multiple of the channel's noise [-]; 1 is as good as can be seen")
+        panel.set_xlabel("rms error as a multiple of the channel's noise [-]")
         figure.legend(loc="outside upper left", ncols=2)
 
-    return picture(name, "How far simulation and hold-out recordings are apart", 0.9 + 0.5 * len(rows), draw)
+    return picture(
+        name,
+        "How far simulation and hold-out recordings are apart",
+        0.9 + 0.5 * len(rows),
+        draw,
+        "An error of 1 times the noise is as good as the sensors can show.",
+    )

@@ -4,13 +4,14 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...diagnosis.result import Interval
 from ...identify.result import Trace
-from ..quantities import Scale, digits, error_scale, join_unit
-from .style import AFTER, BEFORE, NOISE, SHADE, Picture, picture
+from ..quantities import error_scale, times_noise
+from ..rows import error_text
+from .style import AFTER, BEFORE, NOISE, SHADE, Picture, drawable, picture, shortened
 
 _NAMES = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}
 
@@ -38,12 +39,12 @@ def draw_residuals(
     ]
     spans = [(interval.start, interval.stop) for interval in when if interval.recording == trace.recording]
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         grid = figure.subplots(len(channels), len(columns), sharex=True, squeeze=False)
         for row, channel in zip(grid, channels, strict=True):
             for panel, (simulated, colour, said) in zip(row, columns, strict=True):
-                left = trace.measured[channel] - simulated.get(channel, np.full_like(trace.times, np.nan))
-                _draw_panel(panel, trace.times, left, noise.get(channel), error_scale(channel), colour)
+                left = drawable(trace.measured[channel] - simulated.get(channel, np.full_like(trace.times, np.nan)))
+                _draw_panel(panel, trace.times, left, noise.get(channel), channel, colour)
                 for start, stop in spans:
                     panel.axvspan(start, stop, color=SHADE, alpha=0.35, linewidth=0, zorder=0)
                 if channel == channels[0]:
@@ -54,8 +55,9 @@ def draw_residuals(
             panel.set_xlim(trace.times[0], trace.times[-1])
         figure.align_ylabels(grid[:, 0])
 
-    said = "grey: twice the noise" + ("; yellow: where the mismatch sits" if spans else "")
-    return picture(name, f"What simulation leaves of {trace.recording} ({said})", 0.6 + 1.75 * len(channels), draw)
+    title = f"What simulation leaves of {shortened(trace.recording)}"
+    explanation = "Grey band: twice the noise." + (" Yellow: when the mismatch stands out." if spans else "")
+    return picture(name, title, 0.6 + 1.75 * len(channels), draw, f"{explanation} Each panel has its own scale.")
 
 
 def _unit(channel: str) -> str:
@@ -67,23 +69,27 @@ def _draw_panel(
     times: NDArray[np.float64],
     left: NDArray[np.float64],
     noise: float | None,
-    scale: Scale,
+    channel: str,
     colour: str,
 ) -> None:
+    scale = error_scale(channel)
     seen = np.isfinite(left)
     shown = scale.factor * left[seen]
     band = 2 * scale.factor * noise if noise else 0.0
     if band:
         panel.axhspan(-band, band, color=NOISE, alpha=0.6, linewidth=0, zorder=0.5)
     panel.plot(times[seen], shown, color=colour, linewidth=0.9)
-    top = 1.4 * max(float(np.abs(shown).max()) if shown.size else 0.0, 1.5 * band) or 1.0
-    panel.set_ylim(-top, top)
-    rms = float(np.sqrt(np.mean(shown**2))) if shown.size else float("nan")
-    ratio = f" = {digits(rms / (band / 2), 2)} × noise" if band else ""
+    low = min(float(shown.min()) if shown.size else 0.0, -1.5 * band)
+    high = max(float(shown.max()) if shown.size else 0.0, 1.5 * band)
+    span = (high - low) or 1.0
+    # Room for the number above the line.
+    panel.set_ylim(low - 0.06 * span, high + 0.26 * span)
+    rms = float(np.sqrt(np.mean(left[seen] ** 2))) if shown.size else None
+    ratio = f" = {times_noise(rms, noise)}" if band else ""
     panel.text(
         0.99,
         0.97,
-        f"rms {join_unit(digits(rms), scale.unit)}{ratio}",
+        f"rms {error_text(channel, rms)}{ratio}",
         transform=panel.transAxes,
         ha="right",
         va="top",

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...identify.result import Trace
 from ..quantities import Scale, pretty_unit
-from .style import AFTER, BEFORE, RECORDED, Picture, picture
+from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
 
 _AXES = {
     "x": ("cart position x", Scale(1.0, "m")),
@@ -32,7 +32,7 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
     inputs = [channel for channel in _INPUTS if channel in trace.inputs]
     heights = [2.0] * len(channels) + [1.0] * len(inputs)
 
-    def draw(figure: Figure) -> None:
+    def draw(figure: FigureBase) -> None:
         panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
         for panel, channel in zip(panels, channels, strict=False):
             _draw_channel(panel, trace, channel, labels)
@@ -45,8 +45,8 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=3)
 
-    role = "hold-out recording, never used for fitting" if trace.role == "holdout" else "training recording"
-    return picture(name, f"{trace.recording} ({role})", 0.7 + 1.05 * sum(heights), draw)
+    role = "hold-out recording: never used for fitting" if trace.role == "holdout" else "training recording"
+    return picture(name, shortened(trace.recording), 0.7 + 1.05 * sum(heights), draw, role)
 
 
 def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, str]) -> None:
@@ -63,9 +63,11 @@ def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, st
     )
     for simulated, colour, said in zip((trace.before, trace.after), (BEFORE, AFTER), labels, strict=True):
         if said and channel in simulated:
-            panel.plot(trace.times, scale.factor * simulated[channel], color=colour, linewidth=1.5, label=said)
+            panel.plot(
+                trace.times, scale.factor * drawable(simulated[channel]), color=colour, linewidth=1.5, label=said
+            )
     # A simulation that runs away must not flatten the recording.
-    shown = [trace.measured[channel][seen], trace.after.get(channel, np.empty(0))]
+    shown = [trace.measured[channel][seen], drawable(trace.after.get(channel, np.empty(0)))]
     low, high = _range(np.concatenate(shown), trace.before.get(channel) if labels[0] else None)
     panel.set_ylim(scale.factor * low, scale.factor * high)
     panel.set_ylabel(f"{quantity.rpartition(' ')[0]}\n{quantity.rpartition(' ')[2]} [{scale.unit}]")

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
+from numpy.typing import NDArray
 
 RECORDED = "#3c3c3c"
 BEFORE = "#dd6a00"
@@ -43,8 +45,8 @@ _STYLE: dict[Any, Any] = {
     "xtick.color": "#404040",
     "ytick.color": "#404040",
     "figure.facecolor": "white",
-    # A channel sampled more slowly than the grid is drawn in pieces; dots keep lone samples visible.
-    "path.simplify": True,
+    # A noisy line of some 100 000 points cannot be rasterised in one piece.
+    "agg.path.chunksize": 20000,
 }
 
 
@@ -59,23 +61,37 @@ class Picture:
     png: bytes
 
 
-def picture(name: str, title: str, height: float, draw: Callable[[Figure], None]) -> Picture:
+def drawable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A simulation that runs away, cut off at 1000 km where drawing (and squaring) would overflow."""
+    return np.clip(values, -1e6, 1e6)
+
+
+def shortened(name: str) -> str:
+    """A recording's name as it fits into a title; a `$` in it is no formula."""
+    return (name if len(name) <= 60 else f"{name[:57]}...").replace("$", r"\$")
+
+
+def picture(name: str, title: str, height: float, draw: Callable[[FigureBase], None], explanation: str = "") -> Picture:
     """Draws a figure of the common width.
 
     Args:
         name: of its file.
-        title: said above it on the page, and to those who cannot see it.
-        height: [inch].
+        title: stands above it, and is said to those who cannot see it.
+        height: without the title [inch].
         draw: fills the empty figure.
+        explanation: stands below the title.
     """
     # A figure of its own canvas leaves pyplot, its global state and the display alone.
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        above = 0.5 if explanation else 0.3
+        figure = Figure(figsize=(WIDTH, above + height), layout="constrained")
         FigureCanvasAgg(figure)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11.5, fontweight="bold")
-        draw(figure)
+        grid = figure.add_gridspec(2, 1, height_ratios=(above, height))
+        top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+        top.text(0.01, 1 - 0.06 / above, title, va="top", fontsize=11.5, fontweight="bold")
+        top.text(0.01, 0.0, explanation, va="bottom", fontsize=10, color="#505050")
+        draw(bottom)
         content = io.BytesIO()
         # Without the metadata the same data give the same bytes on every version.
         figure.savefig(content, format="png", dpi=_DPI, metadata={"Software": None})
     return Picture(name, title, content.getvalue())
-

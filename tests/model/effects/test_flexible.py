@@ -4,22 +4,16 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from jbridge.rollout import initial_motion
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
-    CART_ALONE,
     EVERY_AXIS,
     FIXED_CART,
     LOCKED_ROPE,
-    LOSSLESS,
     NUMBERS,
     accelerate,
     axes,
-    make_lane,
     make_plant,
-    make_state,
     motion,
-    simulate,
 )
 
 M1, M2, JE, G = sp.symbols("M1 M2 JE G", positive=True)

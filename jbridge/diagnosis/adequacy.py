@@ -1,0 +1,71 @@
+"""Is the model adequate? Large, significant and learnable: an alarm needs all three.
+
+*Large*: some channel is met worse than 1.5 times its noise. *Significant*: residuals hang together over longer times
+than noise does, judged against the same residuals with the signs of short blocks drawn at random. *Learnable*: what
+is chosen on some recordings predicts the residual of the others (`screen`); what is large but does not repeat is the
+rig's own scatter.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES
+from ..identify.lanes import Batch
+from .result import Channel
+
+LARGE = 1.5
+"""Error over noise from which a channel counts as badly met."""
+SIGNIFICANT = 0.01
+LEARNABLE = 0.3
+"""Least share of the excess that must repeat from one recording to another."""
+_BLOCK = 0.1
+"""Length of the blocks whose signs are drawn [s]."""
+_SPAN = 1.0
+"""Time over which residuals are added up [s]."""
+_DRAWS = 199
+
+
+def channels(batch: Batch, predicted: NDArray[np.float64], noise: Mapping[str, float]) -> dict[str, Channel]:
+    """Errors of every channel beside its noise [m, rad, m]."""
+    measured = np.asarray(batch.lanes.weight) > 0
+    error = predicted - np.asarray(batch.lanes.y)
+    out = {}
+    for k, axis in enumerate(AXES):
+        if axis in noise and measured[:, :, k].any():
+            out[axis] = Channel(float(np.sqrt(np.mean(error[:, :, k][measured[:, :, k]] ** 2))), noise[axis])
+    return out
+
+
+def is_large(found: Mapping[str, Channel]) -> bool:
+    return any(channel.ratio > LARGE for channel in found.values())
+
+
+def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) -> float:
+    """Chance of so much slow structure in the residuals if their signs were free every tenth of a second.
+
+    The recorded input is held, since a controller that may have made it is not known.
+    """
+    weight = np.asarray(batch.lanes.weight)
+    residual = (predicted - np.asarray(batch.lanes.y)) * weight
+    dt = np.asarray(batch.lanes.lane.dt)
+    period = float(np.median(dt[dt > 0]))
+    block = max(1, round(_BLOCK / period))
+    blocks = residual.shape[1] // block
+    sums = residual[:, : blocks * block].reshape(len(residual), blocks, block, 3).sum(axis=2)
+    span = max(2, round(_SPAN / (block * period)))
+    rng = np.random.default_rng(seed)
+
+    def statistic(values: NDArray[np.float64]) -> float:
+        count = values.shape[1] // span
+        slow = values[:, : count * span].reshape(len(values), count, span, 3).sum(axis=2)
+        fast = (values**2).sum(axis=(0, 1))
+        return float(np.max((slow**2).sum(axis=(0, 1)) / np.maximum(fast, 1e-300)))
+
+    own = statistic(sums)
+    above = 0
+    for _ in range(_DRAWS):
+        signs = rng.choice((-1.0, 1.0), size=(*sums.shape[:2], 1))
+        above += statistic(sums * signs) >= own
+    return (1 + above) / (1 + _DRAWS)

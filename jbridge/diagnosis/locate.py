@@ -1,0 +1,109 @@
+"""Where a mismatch sits: along which variable, and when."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES, EQUATIONS
+from ..identify.result import Trace
+from .result import Interval, Region
+
+_BINS = 12
+_LOCAL = 0.45
+"""A region counts as local up to this part of what was covered."""
+_SHARE = 0.6
+"""Least share of the mismatch inside a region."""
+_SMOOTH = 0.25
+"""Time over which the mismatch is averaged before intervals are cut [s]."""
+
+
+def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
+    """Regions of place, velocity, input and length that hold most of the residual force of an axis."""
+    force = _joined(traces, lambda trace: trace.force_before.get(axis))
+    if force is None or not np.isfinite(force).any():
+        return ()
+    after = _joined(traces, lambda trace: trace.force_after.get(axis))
+    # What noise and smoothing leave anyway is no mismatch; the final model tells how much that is.
+    floor = float(np.nanmean(after**2)) if after is not None and np.isfinite(after).any() else 0.0
+    variables = {name: _joined(traces, lambda trace, n=name: trace.coordinates.get(n)) for name in AXES}
+    variables |= {f"v_{name}": _joined(traces, lambda trace, n=name: trace.velocities.get(n)) for name in AXES}
+    variables |= {name: _joined(traces, lambda trace, n=name: trace.inputs.get(n)) for name in ("u_x", "u_l")}
+    found = []
+    for name, values in variables.items():
+        if values is None or not np.ptp(values[np.isfinite(values)]) > 0:
+            continue
+        best = _densest(values, force, floor)
+        if best is not None:
+            found.append(Region(name, *best))
+    found.sort(key=lambda r: -r.share)
+    return tuple(found[:3])
+
+
+def _joined(traces: Sequence[Trace], pick: object) -> NDArray[np.float64] | None:
+    parts = [pick(trace) for trace in traces]  # type: ignore[operator]
+    parts = [part for part in parts if part is not None]
+    return np.concatenate(parts) if len(parts) == len(traces) and parts else None
+
+
+def _densest(
+    values: NDArray[np.float64], force: NDArray[np.float64], floor: float
+) -> tuple[float, float, float] | None:
+    """The shortest stretch of a variable with most of the mean square force, each bin counted alike."""
+    known = np.isfinite(values) & np.isfinite(force)
+    if known.sum() < 50 * _BINS:
+        return None
+    edges = np.linspace(*np.quantile(values[known], [0.005, 0.995]), _BINS + 1)
+    place = np.clip(np.searchsorted(edges, values[known]) - 1, 0, _BINS - 1)
+    count = np.bincount(place, minlength=_BINS)
+    power = np.bincount(place, weights=force[known] ** 2, minlength=_BINS)
+    mean = np.where(count >= 20, power / np.maximum(count, 1) - floor, 0.0)
+    mean = np.maximum(mean, 0.0)
+    total = mean.sum()
+    if total <= 0:
+        return None
+    for width in range(1, int(_LOCAL * _BINS) + 1):
+        sums = np.convolve(mean, np.ones(width), mode="valid")
+        at = int(np.argmax(sums))
+        if sums[at] / total >= _SHARE:
+            return float(edges[at]), float(edges[at + width]), float(sums[at] / total)
+    return None
+
+
+def intervals(traces: Sequence[Trace], axis: str, noise: Mapping[str, float]) -> tuple[Interval, ...]:
+    """When, in each recording, the model as given drifts away: where its error changes fastest, if that is local."""
+    found = []
+    for trace in traces:
+        measured, before, after = trace.measured.get(axis), trace.before.get(axis), trace.after.get(axis)
+        if measured is None or before is None or after is None:
+            continue
+        period = float(np.median(np.diff(trace.times)))
+        width = max(3, round(_SMOOTH / period))
+        gap = before - after
+        rate = np.abs(np.gradient(np.convolve(gap, np.ones(width) / width, mode="same"), trace.times))
+        rate[:width], rate[-width:] = 0.0, 0.0
+        total = float((rate**2).sum())
+        if total <= 0 or float(np.max(np.abs(gap))) < 5 * noise[axis]:
+            continue
+        high = rate > 0.35 * rate.max()
+        inside = float((rate[high] ** 2).sum()) / total
+        if high.mean() < 0.35 and inside > _SHARE:
+            found += [Interval(trace.recording, a, b) for a, b in _runs(trace.times, high)][:4]
+    return tuple(found[:12])
+
+
+def _runs(times: NDArray[np.float64], flag: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
+    runs = [(float(times[a]), float(times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    joined: list[tuple[float, float]] = []
+    for start, stop in runs:
+        if joined and start - joined[-1][1] < 0.3:
+            joined[-1] = (joined[-1][0], stop)
+        else:
+            joined.append((start, stop))
+    return sorted(joined, key=lambda r: r[0] - r[1])
+
+
+def equation_of(axis: str | None) -> str:
+    """The equation of motion of an axis."""
+    return "none" if axis is None else EQUATIONS[axis]

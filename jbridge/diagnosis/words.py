@@ -1,0 +1,103 @@
+"""What the report says, in the words of a rig's owner."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from ..identify.result import Estimate
+from ..model.effects.base import SITES
+from ..model.effects.catalogue import CATALOGUE
+from .candidates import WRONG_VALUE
+from .result import Channel, Location, NamedEffect, Rival
+
+_AXIS_WORDS = {
+    "cart": "cart",
+    "swing": "swing",
+    "hoist": "hoist",
+    "cart_drive": "cart's drive",
+    "hoist_drive": "hoist's drive",
+    "x_sensor": "cart position sensor",
+    "psi_sensor": "angle sensor",
+    "l_sensor": "rope length sensor",
+}
+_CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
+
+
+def site_words(site: str) -> str:
+    return _AXIS_WORDS.get(site, site.replace("_", " "))
+
+
+def quantity(e: Estimate) -> str:
+    """A number with its 95 % half-width and unit; angles in degrees."""
+    if isinstance(e.value, list):
+        return ""
+    value, std, unit = e.value, e.std, e.unit
+    if unit.startswith("rad"):
+        factor = 180 / math.pi
+        value, unit = value * factor, "degrees" + unit[3:]
+        std = None if not isinstance(std, float) else std * factor
+    if unit == "1":
+        unit = ""
+    text = f"{value:.4g}"
+    if isinstance(std, float) and std > 0:
+        text += f" ± {1.96 * std:.2g}"
+    return f"{text} {unit}".strip()
+
+
+def effect_sentence(
+    kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]
+) -> str:
+    """One sentence for a named effect, and one for what cannot be told from it."""
+    if kind == WRONG_VALUE:
+        text = f"The value given for {site} is wrong: the recordings ask for {quantity(parameters['value'])}."
+    else:
+        what = CATALOGUE[kind].sentence.format(axis=site_words(site))
+        numbers = [f"{key.replace('_', ' ')} {quantity(e)}" for key, e in parameters.items() if quantity(e)]
+        detail = f" ({', '.join(numbers)})" if numbers else ""
+        text = f"{what[0].upper()}{what[1:]}{detail}."
+    if rivals:
+        others = " or ".join(f"{r.kind.replace('_', ' ')} at the {site_words(r.site)}" for r in rivals)
+        text += f" These recordings cannot tell it from {others}."
+    return text
+
+
+def verdict_sentence(
+    verdict: str,
+    effects: Sequence[NamedEffect],
+    location: Location,
+    before: Mapping[str, Channel],
+    after: Mapping[str, Channel],
+    learnable: float,
+    large: bool,
+    *,
+    steps_held: bool,
+) -> str:
+    """The verdict in one or two sentences."""
+    worst = max(before, key=lambda axis: before[axis].ratio)
+    ratio = before[worst].ratio
+    if verdict == "adequate":
+        if not large:
+            return (
+                f"The model explains the recordings: what remains is noise, at most {ratio:.2g} times it "
+                f"(in the {_CHANNEL_WORDS[worst]})."
+            )
+        return (
+            f"No physics is missing that these recordings could teach: errors reach {ratio:.2g} times the noise in "
+            f"the {_CHANNEL_WORDS[worst]}, but they do not repeat from one recording to another. This is the rig's "
+            "own scatter."
+        )
+    final = max(after[axis].ratio for axis in after)
+    where = site_words(location.site) if location.site in SITES else "bridge"
+    if verdict == "missing_physics":
+        names = " and ".join(
+            f"the value of {e.site}" if e.kind == WRONG_VALUE else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
+            for e in effects
+        )
+        lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
+        return (
+            f"{lead}: {names}. With it the error falls from {ratio:.2g} to {final:.2g} times the noise in free runs."
+        )
+    found = " What was found explains a part of it only." if steps_held else ""
+    return (
+        f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "
+        f"{final:.2g} times the noise.{found}"
+    )

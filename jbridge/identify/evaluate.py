@@ -1,0 +1,131 @@
+"""How well a model meets recordings: free runs and windows, each from a state estimated over its first half second."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES
+from ..model.plant import Plant
+from ..recordings import Recording
+from .force_balance import Balance, balance
+from .lanes import Batch
+from .linearise import Engine
+from .result import Errors, Trace
+from .setting import Setting, lanes_for
+from .solve import solve
+
+WINDOW = 2.0
+"""Length of the windows whose errors are reported beside free runs [s]."""
+_START = 0.5
+"""Time from which an initial state is estimated [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """Free runs of one model over recordings."""
+
+    batch: Batch
+    predicted: NDArray[np.float64]
+    """Recording, sample, channel."""
+    errors: Errors
+
+
+def evaluate(plant: Plant, setting: Setting, recordings: Sequence[Recording], columns: int = 8) -> Run:
+    """Free-run and window errors of a model, its parameters held.
+
+    Args:
+        plant: the model.
+        setting: noise and units.
+        recordings: what to meet.
+        columns: width of a program that is compiled anyway.
+    """
+    engine = Engine(plant)
+    vector = np.array(engine.table.ravel(plant), dtype=float)
+    batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns)
+    windows, within = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns)
+    errors = Errors(_rmse(batch, predicted, setting), _rmse(windows, within, setting))
+    return Run(batch, predicted, errors)
+
+
+def _simulate(
+    engine: Engine,
+    plant: Plant,
+    vector: NDArray[np.float64],
+    setting: Setting,
+    recordings: Sequence[Recording],
+    window: float | None,
+    columns: int,
+) -> tuple[Batch, NDArray[np.float64]]:
+    batch = lanes_for(engine.table, plant, setting, recordings, window)
+    times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
+    early = (times <= _START)[:, :, None]
+    lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
+    started = solve(
+        engine,
+        dataclasses.replace(batch, lanes=lanes),
+        vector[None],
+        [np.zeros(0, np.int64)],
+        columns=columns,
+        iterations=6,
+    )
+    return batch, started.gram.predicted[0]
+
+
+def _rmse(batch: Batch, predicted: NDArray[np.float64], setting: Setting) -> dict[str, float]:
+    measured = np.asarray(batch.lanes.weight) > 0
+    error = predicted - np.asarray(batch.lanes.y)
+    out = {}
+    for k, axis in enumerate(AXES):
+        if axis in setting.noise and measured[:, :, k].any():
+            out[axis] = float(np.sqrt(np.mean(error[:, :, k][measured[:, :, k]] ** 2)))
+    return out
+
+
+def traces(
+    before: tuple[Plant, Run],
+    after: tuple[Plant, Run],
+    recordings: Sequence[Recording],
+    role: str,
+) -> tuple[Trace, ...]:
+    """Each recording beside both models' free runs and the force that either leaves over."""
+    out = []
+    for i, recording in enumerate(recordings):
+        grid = before[1].batch.grids[i]
+        points = grid.intervals + 1
+        measured, runs = {}, ({}, {})
+        for k, axis in enumerate(AXES):
+            if getattr(recording, axis) is None:
+                continue
+            measured[axis] = np.where(grid.measured[:, k], grid.y[:, k], np.nan)
+            for run, store in zip((before[1], after[1]), runs, strict=True):
+                store[axis] = run.predicted[i, :points, k]
+        inputs = {}
+        for column, name in enumerate(("u_x", "u_l")):
+            if getattr(recording, name) is not None:
+                inputs[name] = np.append(grid.u[:, column], grid.u[-1, column])
+        first, last = balance(before[0], recording), balance(after[0], recording)
+
+        def on_grid(values: Mapping[str, NDArray[np.float64]], at: Balance = first, times: NDArray[np.float64] = grid.times) -> dict[str, NDArray[np.float64]]:
+            near = np.clip(np.searchsorted(at.times, times), 0, len(at.times) - 1)
+            return {axis: value[near] for axis, value in values.items()}
+
+        out.append(
+            Trace(
+                recording.name,
+                role,
+                grid.times,
+                inputs,
+                measured,
+                runs[0],
+                runs[1],
+                on_grid(first.q),
+                on_grid(first.v),
+                on_grid(first.force),
+                on_grid(last.force),
+            )
+        )
+    return tuple(out)

@@ -1,0 +1,110 @@
+"""How a simulation answers small changes, without simulating again.
+
+Along a trajectory every step is linearised at once, in parallel over time: towards the state, the inputs, forces and
+friction levels. What an absent effect would add is evaluated along the same trajectory, and its influence on the
+readings is a linear recursion. One structure of program serves every candidate there is, and its cost per candidate
+is a matrix product a step.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from .._types import Axes
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant, Push
+from ..rollout import MIDPOINT as _METHOD
+from ..rollout import Motions, advance, prepare, readings, rollout
+from .lanes import Lanes
+
+PORTS = 11
+"""Held changes of an interval: inputs of cart and hoist, forces and friction levels up and down on the three axes."""
+
+
+class Along(NamedTuple):
+    """A trajectory of every lane, with its linearisation."""
+
+    motions: Motions
+    """Lane, sample."""
+    to_state: Float[Array, "lane time state state"]
+    to_ports: Float[Array, "lane time state 11"]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 4))
+def linearise(
+    table: ParameterTable,
+    vector: Float[Array, " parameter"],
+    initial: Float[Array, "lane state"],
+    lanes: Lanes,
+    substeps: int,
+) -> Along:
+    """Trajectories of all lanes and the linearised map of every interval."""
+
+    def one(start: Array, lanes: Lanes) -> Along:
+        plant = _plant(table, vector, lanes)
+        motions = rollout(plant, start, lanes.lane, substeps=substeps, method=_METHOD)
+        _, told = prepare(plant, start, lanes.lane, substeps)
+        at = jax.tree.map(lambda leaf: leaf[:-1], motions)
+
+        def jacobian(carry: Motions, now: object) -> tuple[Array, Array]:
+            flat, restore = ravel_pytree(carry)
+
+            def after(state: Array, ports: Array) -> Array:
+                inputs = Axes(now.inputs.x + ports[0], now.inputs.psi, now.inputs.l + ports[1])  # type: ignore[attr-defined]
+                push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
+                moved = advance(
+                    plant,
+                    restore(state),
+                    now._replace(inputs=inputs),  # type: ignore[attr-defined]
+                    lanes.lane.active,
+                    substeps=substeps,
+                    push=push,
+                )
+                return ravel_pytree(moved)[0]
+
+            return jax.jacfwd(after, (0, 1))(flat, jnp.zeros(PORTS))
+
+        return Along(motions, *jax.vmap(jacobian)(at, told))
+
+    return jax.vmap(one)(initial, lanes)
+
+
+@functools.partial(jax.jit, static_argnums=(0,))
+def respond(
+    table: ParameterTable,
+    vector: Float[Array, " parameter"],
+    lanes: Lanes,
+    along: Along,
+    ports: Float[Array, "lane time 11 column"],
+) -> Float[Array, "lane column sample 3"]:
+    """Change of the readings for changes that act through ports, from an unchanged initial state."""
+
+    def one(lanes: Lanes, along: Along, ports: Array) -> Array:
+        plant = _plant(table, vector, lanes)
+        inject = jnp.einsum("tsp,tpc->tsc", along.to_ports, ports)
+
+        def interval(change: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
+            change = now[0] @ change + now[1]
+            return change, change
+
+        zero = jnp.zeros(inject.shape[1:])
+        _, later = jax.lax.scan(interval, zero, (along.to_state, inject))
+        changes = jnp.concatenate([zero[None], later])
+        first = jax.tree.map(lambda leaf: leaf[0], along.motions)
+        _, restore = ravel_pytree(first)
+        tangents = jax.vmap(jax.vmap(restore), in_axes=2, out_axes=0)(changes)
+
+        def read(motions: Motions) -> Array:
+            return readings(plant, lanes.lane, motions)
+
+        return jax.vmap(lambda tangent: jax.jvp(read, (along.motions,), (tangent,))[1])(tangents)
+
+    return jax.vmap(one)(lanes, along, ports)
+
+
+def _plant(table: ParameterTable, vector: Array, lanes: Lanes) -> Plant:
+    return table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))

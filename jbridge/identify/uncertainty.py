@@ -1,0 +1,125 @@
+"""How well recordings determine parameters, and what they do not determine."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.parameters import ParameterTable
+from .lanes import Batch
+from .result import Estimate
+from .solve import reduce
+
+_NORMAL = 1.959964
+
+
+def covariance(
+    products: NDArray[np.float64],
+    predicted: NDArray[np.float64],
+    count: int,
+    columns: int,
+    initial: NDArray[np.float64],
+    batch: Batch,
+) -> NDArray[np.float64]:
+    """Covariance of the free parameters, initial states eliminated.
+
+    Residuals of a rig are neither exactly as large as the noise nor independent from sample to sample: the classical
+    covariance is scaled by their size and by their correlation time.
+    """
+    reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
+    inverse = inverse_normal(reduced.matrix)
+    weight = np.asarray(batch.lanes.weight)
+    residual = (predicted - np.asarray(batch.lanes.y)) * weight
+    number = max(int((weight > 0).sum()), 1)
+    size = max(float((residual**2).sum()) / number, 1.0)
+    return inverse * size * correlation_time(residual, weight > 0)
+
+
+def correlation_time(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
+    """Integrated correlation of residuals in samples, at least 1; up to where it first falls below 0.05."""
+    total = 1.0
+    scale = float((residual**2).sum())
+    if scale <= 0:
+        return 1.0
+    for lag in range(1, min(400, residual.shape[1] // 4)):
+        both = measured[:, lag:] & measured[:, :-lag]
+        share = float((residual[:, lag:] * residual[:, :-lag] * both).sum()) / scale
+        if share < 0.05:
+            break
+        total += 2.0 * share
+    return total
+
+
+def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a normal matrix, scaled first; directions that the data do not determine come out large."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
+    return inverse / np.outer(scale, scale)
+
+
+def estimates(
+    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], cov: NDArray[np.float64]
+) -> dict[str, Estimate]:
+    """Every parameter of a table with its 95 % interval; what was not estimated has none."""
+    stds = {int(place): float(np.sqrt(max(cov[i, i], 0.0))) for i, place in enumerate(free)}
+    low_all, high_all = table.bounds()
+    groups: dict[str, list[int]] = {}
+    for entry in table.entries:
+        groups.setdefault(entry.group, table.positions(entry.group))
+    out = {}
+    for group, places in groups.items():
+        info, unit = table.entry(places[0]).info, table.entry(places[0]).unit
+        values = [float(vector[p]) for p in places]
+        spread = [stds.get(p) for p in places]
+        lows = [None if s is None else max(v - _NORMAL * s, low_all[p]) for v, s, p in zip(values, spread, places, strict=True)]
+        highs = [None if s is None else min(v + _NORMAL * s, high_all[p]) for v, s, p in zip(values, spread, places, strict=True)]
+        if info.vector:
+            estimated = any(s is not None for s in spread)
+            # A level that is held as the reference of its neighbours is exact by choice.
+            full = [0.0 if s is None else s for s in spread]
+            out[group] = Estimate(
+                values,
+                full if estimated else None,
+                [v if x is None else x for v, x in zip(values, lows, strict=True)] if estimated else None,
+                [v if x is None else x for v, x in zip(values, highs, strict=True)] if estimated else None,
+                unit,
+            )
+        else:
+            out[group] = Estimate(values[0], spread[0], lows[0], highs[0], unit)
+    return out
+
+
+def warnings(
+    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], cov: NDArray[np.float64]
+) -> list[str]:
+    """What the recordings cannot determine, in sentences."""
+    out = []
+    stds = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    low, high = table.bounds()
+    for i, place in enumerate(free):
+        entry = table.entry(int(place))
+        if stds[i] > 0.5 * max(abs(vector[place]), 1e-9):
+            out.append(
+                f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
+                f"{_NORMAL * stds[i]:.2g}."
+            )
+        elif vector[place] <= low[place] or vector[place] >= high[place]:
+            out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")
+    for i in range(len(free)):
+        for j in range(i):
+            both = stds[i] * stds[j]
+            if both > 0 and abs(cov[i, j]) / both > 0.995 and table.entry(int(free[i])).group != table.entry(int(free[j])).group:
+                out.append(
+                    f"The recordings hardly tell {table.entry(int(free[j])).name} from {table.entry(int(free[i])).name}: "
+                    "only a combination of the two is determined."
+                )
+    return out
+
+
+def as_uncertainty(found: Mapping[str, Estimate]) -> dict[str, dict[str, object]]:
+    """Intervals as a model file keeps them."""
+    return {
+        name: {"std": e.std, "low": e.low, "high": e.high} for name, e in found.items() if e.std is not None
+    }

@@ -1,0 +1,229 @@
+"""The command: what it accepts, what it prints where, and how it ends."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jbridge
+from jbridge.cli import main
+from jbridge.report import save as saving
+from jbridge.report.figures.gallery import Gallery
+from tests import report_cases as cases
+
+MODEL = """\
+[bridge]
+cart_mass = 5.5
+cart_gain = 16.0
+cart_damping = 45.0
+load_mass = 0.143
+known = ["cart_mass", "load_mass", "gravity"]
+"""
+
+
+@pytest.fixture
+def rig(tmp_path, monkeypatch):
+    """A folder with a model and recordings, in which the command runs, with the computations replaced."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.toml").write_text(MODEL)
+    times = np.arange(200) * 0.01
+    for i, name in enumerate(("a.csv", "b.csv", "c.csv", "d.csv")):
+        columns = {"t": times, "u_x": np.sin(times + i), "x": 0.5 - 0.1 * np.cos(times + i)}
+        jbridge.save_csv(name, columns)
+    monkeypatch.setattr(saving, "diagnosis_gallery", lambda diagnosis: Gallery())
+    monkeypatch.setattr(saving, "fit_gallery", lambda fit: Gallery())
+    monkeypatch.setitem(vars(jbridge), "set_up", lambda cache=True: None)  # the tests' settings stay
+    return tmp_path
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Replaces the computations, and keeps what they were called with."""
+    seen = {}
+
+    def compute(name, result):
+        def computed(model, recordings, holdout=(), *, progress=None):
+            seen[name] = (model, [each.name for each in recordings], [each.name for each in holdout])
+            progress("half way")
+            return result
+
+        return computed
+
+    def simulate(model, recording):
+        seen["simulate"] = (model, recording.name)
+        return {"t": recording.times, "u_x": recording.u_x, "x": np.zeros(recording.times.size)}
+
+    monkeypatch.setitem(vars(jbridge), "fit", compute("fit", cases.fitted()))
+    monkeypatch.setitem(vars(jbridge), "diagnose", compute("diagnose", cases.missing_physics()))
+    monkeypatch.setitem(vars(jbridge), "simulate", simulate)
+    return seen
+
+
+def test_diagnose_saves_and_says(rig, calls, capsys):
+    status = main(["diagnose", "model.toml", "a.csv", "b.csv", "--holdout", "c.csv", "d.csv", "--out", "deep/out"])
+    assert status == 0
+    assert calls["diagnose"][1:] == (["a.csv", "b.csv"], ["c.csv", "d.csv"])
+    assert json.loads((rig / "deep" / "out" / "report.json").read_text())["verdict"] == "missing_physics"
+    out, err = capsys.readouterr()
+    assert out.startswith("PHYSICS IS MISSING")
+    assert "deep/out/report.html" in out
+    assert err == ""  # no terminal, no progress
+
+
+def test_fit_saves_and_says(rig, calls, capsys):
+    assert main(["fit", "model.toml", "a.csv", "--out", "out"]) == 0
+    assert calls["fit"][1:] == (["a.csv"], [])
+    assert {path.name for path in (rig / "out").iterdir()} == {"fit.json", "fit.html", "model.toml"}
+    assert "cart_gain" in capsys.readouterr().out
+
+
+def test_simulate_writes_the_channels(rig, calls, capsys):
+    assert main(["simulate", "model.toml", "--input", "a.csv", "--out", "new/sim.csv"]) == 0
+    assert (rig / "new" / "sim.csv").read_text().startswith("t,u_x,x\n")
+    assert capsys.readouterr().out == "new/sim.csv: 200 rows of t, u_x, x\n"
+
+
+def test_holdout_may_come_first_or_twice(rig, calls):
+    assert main(["diagnose", "--holdout", "c.csv", "--holdout", "d.csv", "--out", "out", "model.toml", "a.csv"]) == 0
+    assert calls["diagnose"][1:] == (["a.csv"], ["c.csv", "d.csv"])
+
+
+def test_an_existing_folder_is_used(rig, calls):
+    (rig / "out").mkdir()
+    (rig / "out" / "notes.txt").write_text("mine")
+    for _ in range(2):
+        assert main(["diagnose", "model.toml", "a.csv", "--out", "out"]) == 0
+    assert (rig / "out" / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("case", ["adequate", "unknown"])
+def test_status_is_zero_whatever_the_verdict(rig, calls, monkeypatch, case):
+    monkeypatch.setitem(vars(jbridge), "diagnose", lambda *_, **__: getattr(cases, case)())
+    assert main(["diagnose", "model.toml", "a.csv", "--out", "out"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("", "COMMAND; see jbridge --help"),
+        ("diagnos model.toml a.csv --out out", "'diagnos'"),
+        ("diagnose", "required: MODEL.toml, REC.csv, --out; see jbridge diagnose --help"),
+        ("diagnose model.toml --out out", "required: REC.csv"),
+        ("fit model.toml a.csv --out out --hold b.csv", "unrecognized arguments: --hold"),
+        ("fit model.toml a.csv --out out --holdout", "--holdout: expected at least one argument"),
+        ("diagnose none.toml a.csv --out out", "none.toml: no such file"),
+        ("diagnose a.csv a.csv --out out", "a.csv: not TOML"),
+        ("diagnose model.toml none.csv --out out", "none.csv: no such file"),
+        ("diagnose model.toml a.csv --holdout none.csv --out out", "none.csv: no such file"),
+        ("diagnose model.toml a.csv --holdout a.csv --out out", "a.csv: the recording is named twice"),
+        ("diagnose model.toml a.csv --out b.csv", "b.csv: a file, where the folder"),
+        ("diagnose model.toml a.csv --out .", "model.toml: the results would replace this file"),
+        ("simulate model.toml --input none.csv --out sim.csv", "none.csv: no such file"),
+        ("simulate model.toml --input a.csv --out a.csv", "a.csv: the results would replace this file"),
+        ("simulate model.toml --input a.csv --out .", "a folder, where a file belongs"),
+        ("simulate model.toml --input a.csv --out a.csv/sim.csv", "a.csv is a file, not a folder"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(rig, calls, capsys, arguments, told):
+    before = {path: path.read_bytes() for path in rig.rglob("*") if path.is_file()}
+    assert main(arguments.split()) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1 and err.startswith("jbridge: ") and told in err
+    assert {path: path.read_bytes() for path in rig.rglob("*") if path.is_file()} == before
+    assert not (rig / "out").exists()
+
+
+def test_an_error_found_late_writes_nothing_either(rig, monkeypatch, capsys):
+    def refuse(*_, **__):
+        raise jbridge.InputError("u_x never changes\nin any recording; move the cart")
+
+    monkeypatch.setitem(vars(jbridge), "diagnose", refuse)
+    assert main(["diagnose", "model.toml", "a.csv", "--out", "out"]) == 2
+    assert capsys.readouterr().err == "jbridge: u_x never changes in any recording; move the cart\n"
+    assert not (rig / "out").exists()
+
+
+def test_interruption_is_status_130_and_one_line(rig, monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(vars(jbridge), "fit", interrupt)
+    assert main(["fit", "model.toml", "a.csv", "--out", "out"]) == 130
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "interrupted" in err
+
+
+def test_a_bug_shows_its_traceback(rig, monkeypatch):
+    def fail(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setitem(vars(jbridge), "fit", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["fit", "model.toml", "a.csv", "--out", "out"])
+
+
+def test_progress_is_one_line_of_a_terminal(rig, calls, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "30")
+    assert main(["fit", "model.toml", "a.csv", "--out", "out"]) == 0
+    err = capsys.readouterr().err
+    assert "half way" in err and "\n" not in err
+    assert err.endswith("\r\x1b[K")  # nothing is left of it
+    assert max(map(len, err.replace("\x1b[K", "").split("\r"))) < 30
+
+
+def test_the_cache_can_be_left_out(rig, calls, monkeypatch):
+    asked = []
+    monkeypatch.setitem(vars(jbridge), "set_up", asked.append)
+    main(["fit", "model.toml", "a.csv", "--out", "out"])
+    main(["fit", "model.toml", "a.csv", "--out", "out", "--no-cache"])
+    assert asked == [True, False]
+
+
+@pytest.mark.parametrize("command", [[], ["simulate"], ["fit"], ["diagnose"]])
+def test_help_has_an_example_and_loads_no_jax(command):
+    code = (
+        "import sys; from jbridge.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "heavy = {'jax', 'numpy', 'matplotlib', 'scipy'} & sys.modules.keys()\n"
+        "sys.exit(f'loaded {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *command, "--help"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "example" in done.stdout and "jbridge " + (command[0] if command else "diagnose") in done.stdout
+
+
+def test_module_runs_as_a_command():
+    done = subprocess.run([sys.executable, "-m", "jbridge", "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"jbridge {jbridge.__version__}\n")
+    done = subprocess.run([sys.executable, "-m", "jbridge", "fit"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+
+
+def test_public_names_are_sorted_and_lazy():
+    assert jbridge.__all__ == sorted(jbridge.__all__)
+    assert set(jbridge.__all__) <= set(dir(jbridge))
+    assert set(jbridge.__all__) == {*jbridge._HOMES, "set_up"}
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = jbridge.nothing
+
+
+def test_set_up_survives_a_cache_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    code = (
+        "import jbridge; jbridge.set_up(); import jax, jax.numpy as jnp\n"
+        "assert jnp.zeros(1).dtype == 'float64' and jax.jit(lambda x: x + 1)(1.0) == 2.0\n"
+        "assert jax.config.jax_compilation_cache_dir is None"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        capture_output=True,
+        text=True,
+        env={"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": ""},
+    )
+    assert (done.returncode, done.stderr) == (0, "")

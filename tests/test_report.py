@@ -1,0 +1,356 @@
+"""Reports: complete for programs, honest about what is not known, safe to open, whole on disk."""
+
+import dataclasses
+import json
+import math
+import os
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from jbridge import InputError, describe_diagnosis, describe_fit, load_model, save_fit, save_report
+from jbridge.identify.result import Estimate
+from jbridge.model.files import Model
+from jbridge.report import save as saving
+from jbridge.report.as_json import fit_json, report_json
+from jbridge.report.diagnosis_page import diagnosis_page
+from jbridge.report.figures.gallery import Gallery
+from jbridge.report.files import check_output, write_text
+from jbridge.report.quantities import shown, shown_entries
+from jbridge.report.rows import error_rows, parts
+from tests import report_cases as cases
+
+VERDICTS = ["missing_physics", "adequate", "unknown"]
+KEYS = {
+    "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
+    "bridge", "settings", "seconds", "trials", "warnings", "notes",
+}  # fmt: skip
+HOSTILE = '<script>alert("&")</script>.csv'
+
+
+@pytest.fixture
+def no_figures(monkeypatch):
+    """Reports without their pictures, which take most of the time."""
+    monkeypatch.setattr(saving, "diagnosis_gallery", lambda diagnosis: Gallery())
+    monkeypatch.setattr(saving, "fit_gallery", lambda fit: Gallery())
+
+
+def no_constant(name):
+    raise AssertionError(f"{name} is not JSON")
+
+
+def parsed(text):
+    return json.loads(text, parse_constant=no_constant)
+
+
+@pytest.mark.parametrize("case", VERDICTS)
+def test_report_has_every_key(case):
+    report = parsed(report_json(getattr(cases, case)()))
+    assert report.keys() >= KEYS
+    assert report["schema"] == 1
+    assert report["verdict"] == case
+    assert report["adequacy"].keys() == {"alarm", "p_value", "learnable", "channels"}
+    assert report["adequacy"]["learnable"].keys() == {"before", "after"}
+    for channel in report["adequacy"]["channels"].values():
+        assert channel.keys() == {"rmse", "noise", "ratio"}
+    assert report["location"].keys() == {"site", "equation", "sites", "where", "when"}
+    for effect in report["effects"] + report["model_effects"]:
+        assert effect.keys() == {"kind", "site", "probability", "parameters", "equivalents", "statement"}
+        for estimate in effect["parameters"].values():
+            assert estimate.keys() == {"value", "std", "low", "high", "unit"}
+        for rival in effect["equivalents"]:
+            assert rival.keys() == {"kind", "site", "probability", "parameters", "holdout"}
+    for estimate in report["bridge"].values():
+        assert estimate.keys() == {"value", "std", "low", "high", "unit"}
+    fit = report["fit"]
+    assert fit["train"].keys() == fit["holdout"].keys() == fit["window"]["holdout"].keys() == {"before", "after"}
+    assert fit["window"]["seconds"] == 2.0
+    assert fit["noise"] == cases.NOISE
+
+
+def test_report_keeps_numbers_in_si():
+    report = parsed(report_json(cases.missing_physics()))
+    assert report["fit"]["holdout"]["before"] == {"x": 0.0257, "psi": 0.034, "l": 6.2e-5}
+    assert report["location"]["where"][1] == {"variable": "v_x", "low": -0.05, "high": 0.05, "share": 0.48}
+    assert report["effects"][1]["parameters"]["knots"]["value"] == cases.KNOTS
+    assert report["next_experiment"]["input"] == "next_experiment.csv"
+
+
+def test_unknown_numbers_are_null():
+    report = parsed(report_json(cases.adequate()))
+    assert report["location"]["site"] is None
+    assert report["adequacy"]["learnable"] == {"before": None, "after": None}
+    assert report["adequacy"]["channels"]["psi"]["ratio"] is None  # its noise is zero
+    assert report["bridge"]["hoist_gain"]["std"] is None
+    assert report["next_experiment"] is None
+    unknown = parsed(report_json(cases.unknown()))
+    assert unknown["fit"]["holdout"]["after"]["psi"] is None
+    assert unknown["fit"]["window"]["holdout"]["after"]["x"] is None
+    assert unknown["trials"][2]["cost_over_noise"] is None
+
+
+def test_a_vector_keeps_its_length_around_an_unknown_entry():
+    report = parsed(report_json(cases.missing_physics()))
+    negative = report["effects"][1]["parameters"]["negative"]
+    assert negative["std"] == [0.1] * 7 + [None]
+
+
+def test_the_same_diagnosis_gives_the_same_files(tmp_path):
+    for folder in ("a", "b"):
+        save_report(tmp_path / folder, cases.brief(cases.cart_alone()))
+    files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
+    assert {str(path) for path in files} >= {"report.json", "report.html", "model.toml", "next_experiment.csv"}
+    for path in files:
+        assert (tmp_path / "a" / path).read_bytes() == (tmp_path / "b" / path).read_bytes(), path
+
+
+def test_fit_json_sorts_parameters_by_owner():
+    document = parsed(fit_json(cases.fitted()))
+    assert document["bridge"].keys() == cases.BRIDGE.keys()
+    assert [(effect["kind"], effect["site"]) for effect in document["model_effects"]] == [
+        ("coulomb_friction", "cart"),
+        ("dead_zone", "cart_drive"),
+        ("position_direction_friction", "cart"),
+    ]
+    assert document["model_effects"][1]["parameters"].keys() == {"positive", "negative"}
+    assert parsed(fit_json(cases.fitted(holdout=False)))["fit"]["holdout"] is None
+
+
+def test_a_second_effect_of_a_kind_keeps_its_own_parameters():
+    level = Estimate(1.0, 0.1, 0.8, 1.2, "N")
+    fit = dataclasses.replace(
+        cases.fitted(),
+        estimates={"coulomb_friction@cart.level": level, "coulomb_friction@cart#2.level": level},
+    )
+    assert [(part.kind, part.site) for part in parts(fit)][1:] == [("coulomb_friction", "cart")] * 2
+
+
+class Elements(HTMLParser):
+    """Tags of a page, with their attributes."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.open = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        if tag not in ("img", "meta"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def hostile():
+    """A diagnosis in which every text that may come from a file is markup."""
+    full = cases.missing_physics()
+    bad = HOSTILE
+    effect = dataclasses.replace(cases.DEAD_ZONE, kind=bad, site=bad, statement=bad, parameters={bad: LEVEL})
+    return dataclasses.replace(
+        full,
+        statement=bad,
+        location=dataclasses.replace(
+            full.location,
+            site=bad,
+            sites={bad: 1.0},
+            where=(dataclasses.replace(full.location.where[0], variable=bad),),
+            when=(dataclasses.replace(full.location.when[0], recording=bad),),
+        ),
+        effects=(effect,),
+        holdout=(bad,),
+        traces=(dataclasses.replace(full.traces[0], recording=bad),),
+        trials=({"kind": bad, "site": bad, bad: bad},),
+        next_experiment=dataclasses.replace(full.next_experiment, purpose=bad, separates=(bad,)),
+        warnings=(bad,),
+        notes=(bad,),
+        settings={bad: bad},
+        bridge={**full.bridge, bad: dataclasses.replace(LEVEL, unit=bad)},
+    )
+
+
+LEVEL = Estimate(1.0, 0.1, 0.8, 1.2, "N")
+
+
+def test_text_from_files_is_escaped(tmp_path):
+    page = save_report(tmp_path, hostile()).read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") > 10
+
+
+@pytest.mark.parametrize("case", [*VERDICTS, "cart_alone"])
+def test_page_is_whole_and_needs_nothing_from_outside(case):
+    diagnosis = getattr(cases, case)()
+    text = diagnosis_page(diagnosis, Gallery())
+    elements = Elements(text)
+    assert elements.open == []
+    tags = [tag for tag, _ in elements.found]
+    assert not {"script", "link", "iframe"} & set(tags)
+    assert not re.search(r"(src|href)=\"(?!data:)|url\(|@import", text)
+    assert tags.index("h1") < tags.index("h2")  # the verdict comes first
+    assert diagnosis.statement.replace("'", "&#x27;") in text
+    assert "nan" not in re.sub(r"<style>.*</style>", "", text, flags=re.S).lower().split()
+
+
+def test_pictures_are_part_of_the_page(tmp_path):
+    page = save_report(tmp_path, cases.brief(cases.missing_physics()))
+    images = [attributes for tag, attributes in Elements(page.read_text(encoding="utf-8")).found if tag == "img"]
+    assert len(images) == len(list((tmp_path / "figures").glob("*.png")))
+    assert all(image["src"].startswith("data:image/png;base64,") and image["alt"] for image in images)
+
+
+def test_saved_model_is_read_back(tmp_path, no_figures):
+    save_report(tmp_path, cases.missing_physics())
+    model = load_model(tmp_path / "model.toml")
+    assert isinstance(model, Model)
+    assert [effect.kind for effect in model.plant.effects] == ["coulomb_friction", "dead_zone"]
+    assert model.uncertainty["cart_gain"]["std"] == 0.11
+
+
+def test_next_experiment_can_be_played(tmp_path, no_figures):
+    save_report(tmp_path, cases.missing_physics())
+    header, *rows = (tmp_path / "next_experiment.csv").read_text().splitlines()
+    assert header == "t,u_x,u_l"
+    assert len(rows) == 200
+
+
+def test_what_an_earlier_report_left_is_removed_and_nothing_else(tmp_path):
+    save_report(tmp_path, cases.brief(cases.cart_alone()))
+    mine = tmp_path / "figures" / "fit-of-mine.png"
+    mine.write_bytes(b"mine")
+    save_report(tmp_path, cases.brief(cases.adequate()))
+    assert not (tmp_path / "next_experiment.csv").exists()
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert "places.png" not in names
+    assert "force-psi.png" in names
+    assert mine.read_bytes() == b"mine"
+
+
+def test_a_file_is_replaced_at_once_or_not_at_all(tmp_path, monkeypatch):
+    target = tmp_path / "report.json"
+    write_text(target, "old")
+
+    def fails(source, destination):
+        assert (tmp_path / os.path.basename(source)).read_text() == "new"  # written beside it, in full
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fails)
+    with pytest.raises(InputError, match="report.json: cannot be written .No space left"):
+        write_text(target, "new")
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_an_interrupted_report_leaves_whole_files(tmp_path, monkeypatch):
+    def interrupt(diagnosis):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(saving, "diagnosis_gallery", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save_report(tmp_path, cases.missing_physics())
+    assert parsed((tmp_path / "report.json").read_text())["verdict"] == "missing_physics"
+    load_model(tmp_path / "model.toml")
+
+
+def test_output_is_checked_without_writing(tmp_path):
+    check_output(tmp_path / "new" / "deeper", folder=True)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: a file, where the folder"):
+        check_output(tmp_path / "file", folder=True)
+    with pytest.raises(InputError, match="file is a file, not a folder"):
+        check_output(tmp_path / "file" / "out", folder=True)
+    with pytest.raises(InputError, match="a folder, where a file belongs"):
+        check_output(tmp_path, folder=False)
+    with pytest.raises(InputError, match="cannot be written"):
+        check_output("bad\0name", folder=True)
+
+
+def test_a_read_only_folder_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anywhere
+    with pytest.raises(InputError, match="cannot be written to; choose another --out"):
+        check_output(tmp_path / "out", folder=True)
+
+
+def test_what_is_read_is_not_replaced(tmp_path):
+    with pytest.raises(InputError, match="model.toml: the results would replace this file"):
+        check_output(tmp_path, folder=True, inputs=[tmp_path / "train-1.csv", tmp_path / "model.toml"])
+    with pytest.raises(InputError, match="would replace"):
+        check_output(tmp_path / "a.csv", folder=False, inputs=[tmp_path / "sub" / ".." / "a.csv"])
+
+
+def test_terminal_tells_the_same_as_the_page(tmp_path):
+    text = describe_diagnosis(cases.missing_physics(), tmp_path)
+    for part in (
+        "PHYSICS IS MISSING",
+        "cart drive (cart equation), 93 % of the evidence",
+        "dead zone, cart drive, probability 97 %",
+        "0.301 V   (95 %: 0.280 to 0.322)",
+        "cannot be told from: Stribeck friction, cart, probability 2 %",
+        "25.7 mm (514 × noise)",
+        "0.028° (1.1 × noise)",
+        "-50 and 50 mm/s",
+        str(tmp_path / "report.html"),
+    ):
+        assert " ".join(part.split()) in " ".join(text.split())
+    assert max(len(line) for line in text.splitlines() if str(tmp_path) not in line) <= 92
+
+
+@pytest.mark.parametrize("case", [*VERDICTS, "cart_alone"])
+def test_terminal_copes_with_what_is_not_known(case):
+    text = describe_diagnosis(getattr(cases, case)())
+    assert not re.search(r"\bnan\b|\binf\b|None", text)
+
+
+def test_terminal_shows_the_fitted_numbers(tmp_path):
+    text = describe_fit(cases.fitted(), tmp_path)
+    assert "cart_gain      16.04 N/V   (95 %: 15.82 to 16.26)" in text
+    assert "gravity        9.81 m/s²   (known)" in text
+    assert "Hold-out" not in describe_fit(cases.fitted(holdout=False))
+
+
+def test_fit_is_saved(tmp_path):
+    page = save_fit(tmp_path, cases.brief(cases.fitted()))
+    assert Elements(page.read_text(encoding="utf-8")).open == []
+    assert parsed((tmp_path / "fit.json").read_text())["seconds"] == 7.9
+    assert load_model(tmp_path / "model.toml").known == cases.model().known
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert {"signals-holdout-holdout-1.png", "friction-map-position-direction-friction-cart.png"} <= names
+
+
+@pytest.mark.parametrize(
+    ("estimate", "text"),
+    [
+        (Estimate(0.0123, 0.0004, 0.0115, 0.0131, "m"), "12.30 mm (95 %: 11.50 to 13.10)"),
+        (Estimate(0.8, 0.0123, 0.776, 0.824, "m"), "0.800 m (95 %: 0.776 to 0.824)"),
+        (Estimate(math.pi / 2, 0.01, 1.55, 1.59, "rad"), "90.00° (95 %: 88.81 to 91.10)"),
+        (Estimate(0.06, 0.001, 0.058, 0.062, "s"), "60.0 ms (95 %: 58.0 to 62.0)"),
+        (Estimate(12345.6, 210.0, 11934.0, 12757.0, "N/m"), "12346 N/m (95 %: 11934 to 12757)"),
+        (Estimate(1.02, math.nan, None, None, "1"), "1.02"),
+        (Estimate(math.nan, None, None, None, "N"), "– N"),
+        (Estimate(0.3, 0.02, -math.inf, 0.34, "N s^2/m^2"), "0.300 N s²/m²"),
+    ],
+)
+def test_estimates_have_the_digits_that_they_deserve(estimate, text):
+    assert shown(estimate).text == text
+
+
+def test_entries_of_a_vector_share_unit_and_digits():
+    entries = shown_entries(Estimate([0.001, 0.05], [1e-4, 1e-3], [0.0008, math.nan], [0.0012, 0.052], "m"))
+    assert [(entry.value, entry.interval, entry.unit) for entry in entries] == [
+        ("1.00", "0.80 to 1.20", "mm"),
+        ("50.00", "–", "mm"),
+    ]
+
+
+def test_closed_gap_counts_only_where_there_is_one():
+    rows = error_rows({"x": 1e-3, "psi": 1e-3}, {"x": 2e-4, "psi": 1e-3}, {"x": 1e-4, "psi": 9e-4})
+    assert [row.closed for row in rows] == ["89 %", "–"]
+
+
+def test_numbers_of_any_kind_become_json():
+    trials = ({"kind": "x", "array": np.arange(2), "set": {"b", "a"}, "flag": np.bool_(True), "inf": np.inf},)
+    report = parsed(report_json(dataclasses.replace(cases.adequate(), trials=trials)))
+    assert report["trials"] == [{"kind": "x", "array": [0, 1], "set": ["a", "b"], "flag": True, "inf": None}]
