@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ._math import decay, materialise
+from ._math import materialise
 from ._types import Axes, Scalar
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractDrive, AbstractSensor
 from .model.effects.drives import InputDelay
@@ -21,6 +21,7 @@ from .model.effects.flexible import DoublePendulum, RopeElasticity
 from .model.effects.friction import PreslidingFriction
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
+
 
 class Lane(eqx.Module):
     """A stretch of recording as the engine wants it. Times count from the recording's start."""
@@ -108,15 +109,16 @@ def drive_inputs(plant: Plant, lane: Lane) -> tuple[Float[Array, "time 2"], Floa
         for effect in sorted(plant.all(AbstractDrive), key=lambda effect: effect.order):
             if AXIS_OF_SITE[effect.site] == axis:
                 w = effect.apply(edges[:-1] + 0.5 * spans, w)
-        for effect in plant.all(InputDelay):
-            if AXIS_OF_SITE[effect.site] == axis:
+        for late_by in plant.all(InputDelay):
+            if AXIS_OF_SITE[late_by.site] == axis:
                 # The mean over each interval of the delayed input: exact for its impulse, and smooth in the delay.
                 total = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
-                late = jnp.interp(edges - effect.delay, edges, total)
+                late = jnp.interp(edges - late_by.delay, edges, total)
                 w = (late[1:] - late[:-1]) / jnp.where(spans > 0, spans, 1.0)
         constant = jnp.maximum(getattr(constants, axis), 1e-9)
         since = lane.start - edges[: n + 1]
-        fading = decay(since / constant)
+        # Outside the time loop the library's exponential costs nothing.
+        fading = jnp.exp(-since / constant)
         lags.append(jnp.sum(w[:n] * (fading[1:] - fading[:-1])))
         inputs.append(w[n:])
     return jnp.stack(inputs, axis=1), jnp.stack(lags)
@@ -147,7 +149,7 @@ def rollout(
 class Interval(NamedTuple):
     """What is known of an interval before the motion is."""
 
-    index: Int[Array, ""]
+    number: Int[Array, ""]
     start: Scalar
     """Time at its beginning [s]."""
     h: Scalar
@@ -159,9 +161,7 @@ class Interval(NamedTuple):
     left_whole: Axes
 
 
-def prepare(
-    plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int
-) -> tuple[Motions, Interval]:
+def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int) -> tuple[Motions, Interval]:
     """The first motion, and the intervals of a lane (each field with a leading axis of time)."""
     inputs, lags = drive_inputs(plant, lane)
     constants = plant.time_constants()
@@ -172,7 +172,7 @@ def prepare(
     none = jnp.zeros_like(h)
 
     def left(share: float) -> Axes:
-        x, l_ = (decay(share * h / jnp.maximum(constant, 1e-9)) for constant in (constants.x, constants.l))
+        x, l_ = (jnp.exp(-share * h / jnp.maximum(constant, 1e-9)) for constant in (constants.x, constants.l))
         return Axes(x, none, l_)
 
     told = Interval(
@@ -197,7 +197,7 @@ def advance(
     presliding = plant.only(PreslidingFriction)
     h, zero = now.h, jnp.zeros_like(now.h)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
-    go = now.index < 2**30
+    go = now.number < 2**30
 
     def step(carry: Motions, t: Scalar) -> Motions:
         target = Axes(now.inputs.x, zero, now.inputs.l * plant.drum_gain(carry.q.l))
@@ -205,9 +205,7 @@ def advance(
         def lag_at(node: float) -> Axes:
             if node == 0.0:
                 # With no lag the drive follows at once, from the step's first instant.
-                return Axes(
-                    *(jnp.where(c > 0, s, g) for c, s, g in zip(constants, carry.lag, target, strict=True))
-                )
+                return Axes(*(jnp.where(c > 0, s, g) for c, s, g in zip(constants, carry.lag, target, strict=True)))
             rest = now.left_half if node == 0.5 else now.left_whole
             return Axes(*(g + (s - g) * r for g, s, r in zip(target, carry.lag, rest, strict=True)))
 
@@ -215,20 +213,18 @@ def advance(
         dq, dv = _zeros_like(carry.q), _zeros_like(carry.v)
         stage_q, stage_v, stage_z = carry.q, carry.v, carry.z
         for i, (node, weight) in enumerate(zip(method.nodes, method.weights, strict=True)):
-            a = plant.acceleration(
-                t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, first, h, go, push
-            )
+            a = plant.acceleration(t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, first, h, go, push)
             a = materialise(a, go)
             if weight:
                 dq, dv = _add(dq, stage_v, weight * h), _add(dv, a, weight * h)
             if i + 1 < len(method.nodes):
                 reach = method.nodes[i + 1] * h
-                if presliding is not None:
+                if presliding is not None and carry.z is not None:
                     stage_z = presliding.deflection(carry.z, stage_v.at_drives().x, reach)
                 stage_q, stage_v = _add(carry.q, stage_v, reach), _add(carry.v, a, reach)
         q_next, v_next = _add(carry.q, dq, 1.0), _add(carry.v, dv, 1.0)
         z_next = carry.z
-        if presliding is not None:
+        if presliding is not None and carry.z is not None:
             mean = 0.5 * (first.x + v_next.at_drives().x)
             z_next = presliding.deflection(carry.z, mean, h)
         return Motions(q_next, v_next, lag_at(1.0), z_next)

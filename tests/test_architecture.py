@@ -23,7 +23,8 @@ LAYERS = (
     {"signals", "recordings"},
     {"model", "fuzzy"},
     {"control"},
-    {"rollout", "prediction"},
+    {"rollout"},
+    {"prediction"},
     {"identify"},
     {"diagnosis", "tune"},
     {"sweep"},
@@ -122,7 +123,7 @@ def test_experiments_use_public_names():
 
 
 def test_public_names_are_not_hidden_by_modules():
-    """Loading `jbridge.simulate` binds that module in `jbridge`, where a lazy face offers the function."""
+    """Loading a `jbridge.simulate` binds that module in `jbridge`, where a lazy face offers the function."""
     face = importlib.import_module("jbridge")
     shared = LEVEL.keys() & getattr(face, "__all__", ())
     for name in shared:
@@ -147,11 +148,11 @@ def test_every_import_is_a_dependency():
 @pytest.mark.parametrize(
     ("path", "source", "complaint"),
     [
-        ("jbridge/model/bridge.py", "from jbridge.simulate import simulate", "imports up, from simulate"),
+        ("jbridge/model/bridge.py", "from jbridge.rollout import rollout", "imports up, from rollout"),
         ("jbridge/model/effects/base.py", "from ...control import base", "model imports up, from control"),
-        ("jbridge/simulate.py", "from jbridge import sweep", "simulate imports up, from sweep"),
+        ("jbridge/rollout.py", "from jbridge import sweep", "rollout imports up, from sweep"),
         ("jbridge/fuzzy/rules.py", "from ..model.bridge import Bridge", "fuzzy imports sideways, from model"),
-        ("jbridge/tune/search.py", "def f():\n    import jbridge.diagnose.noise", "tune imports sideways"),
+        ("jbridge/tune/search.py", "def f():\n    import jbridge.diagnosis.noise", "tune imports sideways"),
         ("jbridge/plots.py", "from jbridge import Fit", "plots imports the public face"),
         ("jbridge/plots.py", "import jbridge", "plots imports the public face"),
         ("jbridge/cli.py", "from jbridge.identify.fit import fit", "cli imports identify instead of"),
@@ -170,8 +171,8 @@ def test_a_bad_import_is_found(path, source, complaint):
     [
         ("jbridge/__init__.py", "if TYPE_CHECKING:\n    from jbridge.report import Report"),
         ("jbridge/model/plant.py", "from jbridge.model.bridge import Bridge\nfrom . import effects"),
-        ("jbridge/simulate.py", "from jbridge import control\nfrom jbridge._types import Dof"),
-        ("jbridge/identify/fit.py", "import jax\nfrom jbridge.simulate import simulate"),
+        ("jbridge/rollout.py", "from jbridge import control\nfrom jbridge._types import Dof"),
+        ("jbridge/identify/fit.py", "import jax\nfrom jbridge.rollout import rollout"),
         ("jbridge/cli.py", "import jbridge\nfrom jbridge import __version__, simulate"),
         ("jbridge/__main__.py", "from jbridge.cli import main"),
     ],

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from .._types import AXES, Axes
+from .._types import AXES
 from ..identify.lanes import Batch, Lanes
 from ..identify.respond import PORTS, Along, respond
 from ..model.bridge import Bridge
@@ -28,12 +28,11 @@ from ..model.effects.base import (
     AbstractSensor,
     parameters_of,
 )
-from ..model.effects.catalogue import KINDS
+from ..model.effects.catalogue import KINDS, make_effect
 from ..model.effects.drives import ActuatorLag, DrumRadiusChange, InputDelay
 from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.effects.catalogue import make_effect
 from ..rollout import drive_inputs, readings
 from .candidates import Candidate
 
@@ -98,7 +97,9 @@ def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, N
         kind = InputDelay.kind
         values = {"delay": candidate.values["time_constant"]}
     else:
-        values = {key: v for key, v in candidate.values.items() if key in parameters_of(KINDS[kind]) or isinstance(v, str)}
+        values = {
+            key: v for key, v in candidate.values.items() if key in parameters_of(KINDS[kind]) or isinstance(v, str)
+        }
     effect = make_effect(kind, site, values)
     own = ParameterTable(Plant(_NO_BRIDGE, (effect,)))
     if candidate.finite:
@@ -150,11 +151,11 @@ def _acts(
     reads = jnp.zeros((count + 1, 3))
     k = AXES.index(AXIS_OF_SITE[effect.site])
     if isinstance(effect, AbstractForce):
-        force = jax.vmap(effect.force)(t, Axes(*q.at_load()), Axes(*v.at_load()))
+        force = jax.vmap(effect.force)(t, q.at_load(), v.at_load())
         ports = ports.at[:, 2:5].set(jnp.stack(force, axis=1))
     elif isinstance(effect, AbstractDamping):
-        force = jax.vmap(effect.resistance)(Axes(*q.at_drives()), Axes(*v.at_drives()))
-        ports = ports.at[:, 2 + k].set(force)
+        resistance = jax.vmap(effect.resistance)(q.at_drives(), v.at_drives())
+        ports = ports.at[:, 2 + k].set(resistance)
     elif isinstance(effect, AbstractFriction):
         up, down = jax.vmap(effect.levels)(t, q.at_drives()[k], v.at_drives()[k])
         ports = ports.at[:, 5 + k].set(up).at[:, 8 + k].set(down)

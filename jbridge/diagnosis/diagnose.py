@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..identify.base import BaseFit, base_fit, chi, columns_for, measurements
-from ..identify.evaluate import WINDOW, Run, evaluate, traces
+from ..identify.base import WINDOW, BaseFit, base_fit, chi, columns_for, measurements
+from ..identify.evaluate import Run, evaluate, traces
 from ..identify.result import Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
@@ -24,7 +24,7 @@ from .candidates import WRONG_VALUE
 from .locate import equation_of, intervals, region
 from .result import Adequacy, Diagnosis, Location, NamedEffect, Rival
 from .screen import Screen
-from .search import EFFECTIVE, Search, State, Trial, accepts, first_state
+from .search import EFFECTIVE, Search, State, Trial, accepts, first_state, held
 from .words import effect_sentence, verdict_sentence
 
 MOST_EFFECTS = 6
@@ -32,6 +32,8 @@ DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
 """Error over noise below which a further effect is not looked for."""
+HOLDS = 0.1
+"""Least share of the excess over noise that an effect must remove from recordings left out."""
 RIVAL = 0.01
 """Least probability, relative to the winner's, of an explanation that counts as not told apart."""
 
@@ -87,14 +89,12 @@ def diagnose(
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
     alarm = large and p_value <= SIGNIFICANT and learnable >= LEARNABLE
     final_plant = state.plant if steps else base_plant
-    final_free, final_vector, final_engine = state.free, state.vector, state.engine
-    if not steps:
-        final_free, final_vector, final_engine = base.free, base.vector, base.engine
+    final_free, final_vector = (state.free, state.vector) if steps else (base.free, base.vector)
     table = ParameterTable(final_plant, setting.units)
     cov = _covariance(state, base, bool(steps))
     values = estimates(table, final_vector, final_free, cov)
     tell("opening the hold-out")
-    runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)))
+    runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
@@ -207,26 +207,24 @@ def _search(
         return state, steps, 0.0, 0.0, (None, [])
     learnable, after = 0.0, 0.0
     last: tuple[Screen | None, list[Trial]] = (None, [])
-    floor = float(measurements(state.batch))
     for _ in range(MOST_EFFECTS):
         screened = search.look(state)
         after = screened.learnable
         if not steps:
             learnable = screened.learnable
-        if after < LEARNABLE and (steps or after < 0.5 * LEARNABLE):
-            last = (screened, [])
-            break
         trials = search.refit(state, screened)
         if not trials or trials[0].cost > NEAR**2 * measurements(trials[0].batch):
             trials = sorted(trials + search.mechanisms(state), key=lambda t: t.score)
         last = (screened, trials)
-        passed = [t for t in trials if not accepts(state, t)]
+        # What a linear screen could not foresee must prove itself the more by simulation.
+        least = HOLDS if after >= LEARNABLE else LEARNABLE
+        passed = [t for t in trials if not accepts(state, t, least)]
         if not passed:
             break
         chosen = passed[0]
-        held = 1.0 - max(chosen.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
+        share = min(held(state, chosen), 1.0)
         if not steps:
-            learnable = max(learnable, min(held, 1.0))
+            learnable = max(learnable, share)
         before = state.chi
         tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
@@ -256,9 +254,7 @@ def _back_to_free_runs(search: Search, state: State) -> State:
 def _covariance(state: State, base: BaseFit, accepted: bool) -> Any:
     if accepted:
         width = columns_for(len(state.free))
-        gram = state.engine.gram(
-            state.vector[None], state.free[None], state.initial[None], state.batch, columns=width
-        )
+        gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
         return covariance(gram.products[0], gram.predicted[0], len(state.free), width, state.initial, state.batch)
     return covariance(
         base.fits.gram.products[0],
@@ -270,12 +266,15 @@ def _covariance(state: State, base: BaseFit, accepted: bool) -> Any:
     )
 
 
-def _evaluate(before: Plant, after: Plant, setting: Setting, width: int, width_after: int) -> tuple[Run, Run, Run, Run]:
+def _evaluate(
+    before: Plant, after: Plant, setting: Setting, width: int, width_after: int, base: BaseFit
+) -> tuple[Run, Run, Run, Run]:
+    like = (base.free_run, base.windows)
     return (
-        evaluate(before, setting, setting.recordings, width),
-        evaluate(after, setting, setting.recordings, width_after),
-        evaluate(before, setting, setting.holdout, width),
-        evaluate(after, setting, setting.holdout, width_after),
+        evaluate(before, setting, setting.recordings, width, like),
+        evaluate(after, setting, setting.recordings, width_after, like),
+        evaluate(before, setting, setting.holdout, width, like),
+        evaluate(after, setting, setting.holdout, width_after, like),
     )
 
 
@@ -295,7 +294,7 @@ def _named(
         weights = _weights(step)
         own = weights[(kind, site)]
         parameters = {"value": values[site]} if kind == WRONG_VALUE else _parameters(kind, site, values)
-        rivals = []
+        rivals: list[Rival] = []
         for trial in step.trials:
             name = trial.candidate.name
             if name == (kind, site) or weights[name] < RIVAL * own or len(rivals) == 3:
@@ -318,7 +317,7 @@ def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
     free = np.array([table.positions(name)[0] for name in names])
     values = estimates(table, vector, free, cov)
     parameters = {"value": values[site]} if kind == WRONG_VALUE else _parameters(kind, site, values)
-    run = evaluate(trial.plant, setting, setting.holdout, width)
+    run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None))
     return Rival(kind, site, probability, parameters, run.errors.free_run)
 
 
@@ -347,21 +346,21 @@ def _location(
         ranked = [] if screened is None else screened.ranked
         least = min((r.cost for r in ranked), default=1.0)
         for r in ranked:
-            site = r.candidate.site if r.candidate.kind != WRONG_VALUE else _site_of_number(r.candidate.site)
+            place = r.candidate.site if r.candidate.kind != WRONG_VALUE else _site_of_number(r.candidate.site)
             odds = math.exp(-0.5 * EFFECTIVE * math.log(max(r.cost, 1e-9) / max(least, 1e-9)))
-            sites[site] = max(sites.get(site, 0.0), odds)
+            sites[place] = max(sites.get(place, 0.0), odds)
         total = sum(sites.values())
-        sites = {site: value / total for site, value in sites.items()} if total > 0 else {}
+        sites = {place: value / total for place, value in sites.items()} if total > 0 else {}
     sites = dict(sorted(sites.items(), key=lambda item: -item[1]))
     sites = {site: value for site, value in sites.items() if value > 1e-4}
-    site = next(iter(sites), None)
+    at: str | None = next(iter(sites), None)
     if effects:
-        site = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
-    axis = AXIS_OF_SITE[site] if site is not None else None
+        at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
+    axis = AXIS_OF_SITE[at] if at is not None else None
     train = [trace for trace in shown if trace.role == "train"]
     where = region(train, axis) if axis is not None else ()
     when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
-    return Location(site, equation_of(axis), sites, where, when)
+    return Location(at, equation_of(axis), sites, where, when)
 
 
 def _site_of_number(name: str) -> str:
@@ -369,9 +368,7 @@ def _site_of_number(name: str) -> str:
     return {"cart_mass": "cart", "load_mass": "swing", "winch_mass": "hoist"}.get(name, "cart")
 
 
-def _trials(
-    steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State
-) -> tuple[dict[str, object], ...]:
+def _trials(steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State) -> tuple[dict[str, object], ...]:
     rows = []
     for number, step in enumerate(steps, start=1):
         for trial in step.trials:
@@ -397,7 +394,7 @@ def _trials(
                     "ratio": chi(trial.cost, trial.batch),
                     "cross_validated": chi(trial.cross_validated, trial.batch),
                     "accepted": False,
-                    "why": accepts(state, trial) or "explains less",
+                    "why": accepts(state, trial, HOLDS) or "explains less",
                 }
             )
     return tuple(rows)

@@ -53,7 +53,8 @@ def _densest(
     known = np.isfinite(values) & np.isfinite(force)
     if known.sum() < 50 * _BINS:
         return None
-    edges = np.linspace(*np.quantile(values[known], [0.005, 0.995]), _BINS + 1)
+    low, high = (float(edge) for edge in np.quantile(values[known], [0.005, 0.995]))
+    edges = np.linspace(low, high, _BINS + 1)
     place = np.clip(np.searchsorted(edges, values[known]) - 1, 0, _BINS - 1)
     count = np.bincount(place, minlength=_BINS)
     power = np.bincount(place, weights=force[known] ** 2, minlength=_BINS)

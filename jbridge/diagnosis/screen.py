@@ -45,9 +45,7 @@ class Screened:
     own_step: NDArray[np.float64]
     """Expected change of the candidate's; for a finite seed, how much of it."""
 
-    def start(
-        self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]
-    ) -> NDArray[np.float64]:
+    def start(self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]) -> NDArray[np.float64]:
         """Where a refit should start."""
         vector = self.candidate.set(table, vector)
         if not self.candidate.finite:
@@ -99,9 +97,7 @@ class _Sum:
         """Bounded Gauss-Newton step in some columns."""
         matrix = self.matrix[np.ix_(columns, columns)]
         none = np.zeros((0, len(columns), len(columns)))
-        reduced = Reduced(
-            matrix, self.gradient[columns], np.diag(matrix).copy(), none, none[:, 0], none, none[:, 0]
-        )
+        reduced = Reduced(matrix, self.gradient[columns], np.diag(matrix).copy(), none, none[:, 0], none, none[:, 0])
         return bounded_step(reduced, at, low, high, 1e-9)
 
     def after(self, columns: NDArray[np.int64], step: NDArray[np.float64]) -> float:
@@ -148,7 +144,8 @@ def screen(
     normal = _normal_equations(gram, batch, initial, base, width, columns)
     low_all, high_all = engine.table.bounds()
     whole = normal.over(np.ones(batch.count, bool))
-    ranked, groups = [], []
+    ranked: list[Screened] = []
+    groups: list[tuple] = []
     start = base
     for candidate, own in zip(everything, columns, strict=True):
         count = own.shape[1]
@@ -175,13 +172,15 @@ def _edges(
     """Value, lower and upper bound of a candidate's columns."""
     if candidate.kind == WRONG_VALUE:
         place = engine.table.positions(candidate.site)
-        low, high = engine.table.bounds()
-        return vector[place], low[place], high[place]
+        least, most = engine.table.bounds()
+        return vector[place], least[place], most[place]
     if candidate.finite:
         # The amplitude of what the seed would do; some more than the seed is as possible as some less.
         return np.zeros(1), np.zeros(1), np.full(1, 3.0)
     infos = parameters_of(KINDS[candidate.kind])
-    at, low, high = [], [], []
+    at: list[float] = []
+    low: list[float] = []
+    high: list[float] = []
     for key in candidate.free:
         value = np.atleast_1d(np.asarray(candidate.values.get(key, infos[key].null), dtype=float))
         at += list(value)
@@ -243,7 +242,7 @@ def _normal_equations(
 
 def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) -> float:
     """Share of the excess over noise that explanations chosen on the other recordings predict."""
-    names = np.unique(batch.recording)
+    names = np.unique(batch.recording[batch.recording >= 0])
     if len(names) < 2 or not groups:
         return 0.0
     removed, excess = 0.0, 0.0

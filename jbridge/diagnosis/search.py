@@ -8,24 +8,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import chi, columns_for, measurements
+from ..identify.base import WINDOW, chi, columns_for, measurements
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
 from ..identify.solve import Fits, reduce, solve
 from ..identify.uncertainty import inverse_normal
 from ..model.effects.base import AXIS_OF_SITE
+from ..model.effects.catalogue import UNNAMED, make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.effects.catalogue import UNNAMED, make_effect
 from .candidates import WRONG_VALUE, Candidate, candidates
 from .screen import Screen, Screened, screen
 
-REFITS = 10
+REFITS = 8
 """Candidates that are refitted in each round, besides the best of each site."""
 _ALWAYS = 5
 """Candidates that are refitted whatever the screen expects."""
-_HOPELESS = 30.0
+_HOPELESS = 10.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 EFFECTIVE = 1000.0
 """Effective number of independent samples, for weighing costs against parameters."""
@@ -108,7 +108,7 @@ def cross_validated(
     """
     reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
     total = 0.0
-    for r in np.unique(groups):
+    for r in np.unique(groups[groups >= 0]):
         inside = groups == r
         matrix = reduced.by_lane[~inside].sum(axis=0)
         gradient = reduced.gradient_by_lane[~inside].sum(axis=0)
@@ -124,7 +124,7 @@ def cross_validated(
 
 def _folds(batch: Batch) -> NDArray[np.int64]:
     """Recordings to leave out in turn; the lanes themselves where there is only one recording."""
-    return batch.recording if len(np.unique(batch.recording)) > 1 else np.arange(batch.count)
+    return batch.recording if batch.recording.max() > 0 else np.where(batch.recording < 0, -1, np.arange(batch.count))
 
 
 def first_state(
@@ -157,7 +157,23 @@ class Search:
         self.events: dict[str, tuple] = {}
 
     def look(self, state: State) -> Screen:
-        """Screens every candidate without a hidden coordinate."""
+        """Screens every candidate without a hidden state, on the state's own lanes and on windows.
+
+        On whole recordings small effects add up and stand out, but a large mismatch is no longer linear; within
+        windows it is.
+        """
+        whole = self._screen(state)
+        if self.window is not None:
+            return whole
+        outer, self.window = self.window, WINDOW
+        try:
+            guess = lanes_for(state.engine.table, state.plant, self.setting, self.setting.recordings, WINDOW).initial
+            windows = self._screen(self.polish(state.plant, state.known, guess, state.accepted))
+        finally:
+            self.window = outer
+        return Screen(_merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
+
+    def _screen(self, state: State) -> Screen:
         scene = scene_of(self.setting, state.plant, self.events)
         done = {a.name for a in state.accepted}
         found = [
@@ -220,11 +236,13 @@ class Search:
             frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
             # Seeds compete on the shortest recording; only the best is taken through all of them.
             few = lanes_for(
-                engine.table, engine.table.unravel(rows[0]), self.setting, _shortest(self.setting.recordings), self.window
+                engine.table,
+                engine.table.unravel(rows[0]),
+                self.setting,
+                _shortest(self.setting.recordings),
+                self.window,
             )
-            tries = solve(
-                engine, few, rows, frees, columns=columns_for(len(frees[0])), iterations=6, tolerance=1e-2
-            )
+            tries = solve(engine, few, rows, frees, columns=columns_for(len(frees[0])), iterations=6, tolerance=1e-2)
             best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
             return self._refit(state, [seeds[best]], engine, tries.vectors[best][None], free)
 
@@ -381,9 +399,7 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
     return vector
 
 
-def _with_candidate(
-    state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]
-) -> Plant:
+def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]) -> Plant:
     """The state's plant with the candidate's effect, all at the refitted values."""
     fitted = table.unravel(vector)
     keep = {(effect.kind, effect.site) for effect in state.plant.effects}
@@ -417,6 +433,15 @@ def _significance(
     return best
 
 
+def _merged(first: Sequence[Screened], second: Sequence[Screened]) -> list[Screened]:
+    """Two rankings as one: costs relative to the best of each, the better rank counts."""
+    merged = []
+    for ranked in (first, second):
+        least = max(ranked[0].cost, 1e-9) if ranked else 1.0
+        merged += [dataclasses.replace(item, cost=item.cost / least) for item in ranked]
+    return sorted(merged, key=lambda item: item.cost)
+
+
 def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
     """The best candidates and the best of each site, with a second seed where one is nearly as good.
 
@@ -448,11 +473,23 @@ def _shortest(recordings: Sequence[Any]) -> tuple:
     return (min(recordings, key=lambda r: r.duration),)
 
 
-def accepts(state: State, trial: Trial) -> str:
-    """Empty if the trial passes; otherwise why it does not."""
+def held(state: State, trial: Trial) -> float:
+    """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
+    floor = float(measurements(trial.batch))
+    return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
+
+
+def accepts(state: State, trial: Trial, least: float) -> str:
+    """Empty if the trial passes; otherwise why it does not.
+
+    Args:
+        state: the model so far.
+        trial: what is tried.
+        least: least share of the excess that must hold on recordings left out.
+    """
     if not trial.cost < state.cost * (1 - _GAIN):
         return "gains too little"
-    if not trial.cross_validated < state.cross_validated * (1 - _GAIN):
+    if held(state, trial) < least:
         return "does not hold on recordings left out"
     if trial.z < 4.0:
         return "its interval includes its absence"

@@ -43,9 +43,7 @@ def quantity(e: Estimate) -> str:
     return f"{text} {unit}".strip()
 
 
-def effect_sentence(
-    kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]
-) -> str:
+def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]) -> str:
     """One sentence for a named effect, and one for what cannot be told from it."""
     if kind == WRONG_VALUE:
         text = f"The value given for {site} is wrong: the recordings ask for {quantity(parameters['value'])}."
@@ -89,13 +87,13 @@ def verdict_sentence(
     where = site_words(location.site) if location.site in SITES else "bridge"
     if verdict == "missing_physics":
         names = " and ".join(
-            f"the value of {e.site}" if e.kind == WRONG_VALUE else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
+            f"the value of {e.site}"
+            if e.kind == WRONG_VALUE
+            else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
             for e in effects
         )
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
-        return (
-            f"{lead}: {names}. With it the error falls from {ratio:.2g} to {final:.2g} times the noise in free runs."
-        )
+        return f"{lead}: {names}. With it the error falls from {ratio:.2g} to {final:.2g} times the noise in free runs."
     found = " What was found explains a part of it only." if steps_held else ""
     return (
         f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "

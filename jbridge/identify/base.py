@@ -17,9 +17,11 @@ from .linearise import Engine
 from .setting import Setting, free_places, lanes_for
 from .solve import Fits, solve
 
-SHORT = 1.0
-"""Length of the first windows [s]."""
+WINDOW = 2.0
+"""Length of the windows [s]."""
 _STARTS = 4
+_POOR = 4.0
+"""Error over noise in windows above which further starts are tried."""
 _SPREAD = 0.3
 """Relative spread of the further starts."""
 _COLUMNS = (8, 16, 24, 32, 48, 64)
@@ -85,23 +87,23 @@ def base_fit(
     table = engine.table
     free = free_places(table, known, setting)
     start = np.array(table.ravel(plant), dtype=float)
-    windows = lanes_for(table, plant, setting, setting.recordings, SHORT)
+    windows = lanes_for(table, plant, setting, setting.recordings, WINDOW)
     whole = lanes_for(table, plant, setting, setting.recordings)
     columns = columns_for(len(free))
     low, high = table.bounds()
-    rng = np.random.default_rng(seed)
-    rows = np.repeat(start[None], starts, axis=0)
-    factors = np.exp(_SPREAD * rng.uniform(-1, 1, (starts - 1, len(free))))
-    rows[1:, free] = np.clip(rows[1:, free] * factors, low[free], high[free])
-    if len(free) and starts > 1:
-        tries = solve(engine, windows, rows, [free] * starts, columns=columns, iterations=6, tolerance=1e-2)
-        best = int(np.nanargmin(tries.cost))
-        rows, initial = tries.vectors[best][None], tries.initial[best][None]
-    else:
-        rows, initial = rows[:1], None
     if progress is not None:
         progress("fitting the model to short windows")
-    short = solve(engine, windows, rows, [free], initial=initial, columns=columns, iterations=12)
+    short = solve(engine, windows, start[None], [free], columns=columns, iterations=15)
+    if starts > 1 and len(free) and chi(short.cost[0], windows) > _POOR:
+        rng = np.random.default_rng(seed)
+        rows = np.repeat(start[None], starts, axis=0)
+        rows[0] = short.vectors[0]
+        factors = np.exp(_SPREAD * rng.uniform(-1, 1, (starts - 1, len(free))))
+        rows[1:, free] = np.clip(rows[1:, free] * factors, low[free], high[free])
+        tries = [
+            solve(engine, windows, row[None], [free], columns=columns, iterations=8, tolerance=1e-2) for row in rows[1:]
+        ]
+        short = min([short, *tries], key=lambda fits: float(fits.cost[0]))
     if progress is not None:
         progress("fitting the model to whole recordings")
     fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..model.plant import Plant
 from ..recordings import Recording
-from .force_balance import Balance, balance
+from .base import WINDOW
+from .force_balance import balance
 from .lanes import Batch
 from .linearise import Engine
 from .result import Errors, Trace
 from .setting import Setting, lanes_for
 from .solve import solve
 
-WINDOW = 2.0
-"""Length of the windows whose errors are reported beside free runs [s]."""
 _START = 0.5
 """Time from which an initial state is estimated [s]."""
 
@@ -34,7 +33,13 @@ class Run:
     errors: Errors
 
 
-def evaluate(plant: Plant, setting: Setting, recordings: Sequence[Recording], columns: int = 8) -> Run:
+def evaluate(
+    plant: Plant,
+    setting: Setting,
+    recordings: Sequence[Recording],
+    columns: int = 8,
+    like: tuple[Batch | None, Batch | None] = (None, None),
+) -> Run:
     """Free-run and window errors of a model, its parameters held.
 
     Args:
@@ -42,11 +47,12 @@ def evaluate(plant: Plant, setting: Setting, recordings: Sequence[Recording], co
         setting: noise and units.
         recordings: what to meet.
         columns: width of a program that is compiled anyway.
+        like: batches of whole recordings and of windows whose programs are compiled anyway.
     """
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
-    batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns)
-    windows, within = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns)
+    batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns, like[0])
+    windows, within = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1])
     errors = Errors(_rmse(batch, predicted, setting), _rmse(windows, within, setting))
     return Run(batch, predicted, errors)
 
@@ -59,8 +65,9 @@ def _simulate(
     recordings: Sequence[Recording],
     window: float | None,
     columns: int,
+    like: Batch | None,
 ) -> tuple[Batch, NDArray[np.float64]]:
-    batch = lanes_for(engine.table, plant, setting, recordings, window)
+    batch = lanes_for(engine.table, plant, setting, recordings, window, like)
     times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
     early = (times <= _START)[:, :, None]
     lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
@@ -96,7 +103,8 @@ def traces(
     for i, recording in enumerate(recordings):
         grid = before[1].batch.grids[i]
         points = grid.intervals + 1
-        measured, runs = {}, ({}, {})
+        measured: dict[str, NDArray[np.float64]] = {}
+        runs: tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]] = ({}, {})
         for k, axis in enumerate(AXES):
             if getattr(recording, axis) is None:
                 continue
@@ -109,10 +117,7 @@ def traces(
                 inputs[name] = np.append(grid.u[:, column], grid.u[-1, column])
         first, last = balance(before[0], recording), balance(after[0], recording)
 
-        def on_grid(values: Mapping[str, NDArray[np.float64]], at: Balance = first, times: NDArray[np.float64] = grid.times) -> dict[str, NDArray[np.float64]]:
-            near = np.clip(np.searchsorted(at.times, times), 0, len(at.times) - 1)
-            return {axis: value[near] for axis, value in values.items()}
-
+        near = np.clip(np.searchsorted(first.times, grid.times), 0, len(first.times) - 1)
         out.append(
             Trace(
                 recording.name,
@@ -122,10 +127,14 @@ def traces(
                 measured,
                 runs[0],
                 runs[1],
-                on_grid(first.q),
-                on_grid(first.v),
-                on_grid(first.force),
-                on_grid(last.force),
+                _at(near, first.q),
+                _at(near, first.v),
+                _at(near, first.force),
+                _at(near, last.force),
             )
         )
     return tuple(out)
+
+
+def _at(near: NDArray[np.int64], values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    return {axis: value[near] for axis, value in values.items()}

@@ -4,12 +4,10 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from ..model.files import Model
 from ..recordings import Recording
-from .base import base_fit, columns_for
-from .evaluate import WINDOW, evaluate, traces
+from .base import WINDOW, base_fit, columns_for
+from .evaluate import evaluate, traces
 from .result import Fit
 from .setting import make_setting, resolve
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
@@ -55,8 +53,13 @@ def fit(
     found = estimates(named, base.vector, base.free, cov)
     if progress is not None:
         progress("simulating")
+    like = (base.free_run, base.windows)
     runs = [
-        (which, evaluate(which, setting, recordings, width), evaluate(which, setting, holdout, width) if holdout else None)
+        (
+            which,
+            evaluate(which, setting, recordings, width, like),
+            evaluate(which, setting, holdout, width, like) if holdout else None,
+        )
         for which in (plant, fitted)
     ]
     (_, train_before, hold_before), (_, train_after, hold_after) = runs

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from .._types import AXES, Axes
+from .._types import AXES, Axes, Scalar
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
 from ..rollout import Lane, drive_inputs
@@ -84,10 +84,9 @@ def _behind_drives(
 ) -> dict[str, NDArray[np.float64]]:
     one = jnp.ones(())
     lane = Lane(jnp.zeros(()), jnp.full(len(t), period), jnp.asarray(inputs), jnp.zeros(0), Axes(one, one, one))
-    chain, _ = drive_inputs(plant, lane)
-    chain = np.asarray(chain)
+    chain = np.asarray(drive_inputs(plant, lane)[0])
     constants = plant.time_constants()
-    volts = {}
+    volts: dict[str, NDArray[np.float64]] = {}
     for k, axis in enumerate(("x", "l")):
         w = chain[:, k]
         constant = float(getattr(constants, axis))
@@ -115,7 +114,7 @@ def _residual(
     b = plant.bridge
     loaded = recording.has_swing or recording.has_hoist
 
-    def at(t: jax.Array, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
+    def at(t: Scalar, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
         m = b.mass_matrix(q)
         if not loaded:
             m = m._replace(xx=m.xx - b.load_mass)
@@ -124,14 +123,12 @@ def _residual(
         force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
         drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q))
         up, down = plant.friction_levels(t, q, v)
-        rest = Axes(
-            *(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True))
-        )
+        rest = Axes(*(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True)))
         return rest, up, down
 
     axes = [Axes(*(jnp.asarray(part[axis]) for axis in AXES)) for part in (q, v, a)]
     drive = Axes(jnp.asarray(volts["x"]), jnp.zeros(len(t)), jnp.asarray(volts["l"]))
-    rest, up, down = jax.vmap(at)(jnp.asarray(t), *axes, drive)
+    rest, up, down = jax.vmap(at)(jnp.asarray(t), axes[0], axes[1], axes[2], drive)
     out = {}
     for k, axis in enumerate(AXES):
         speed = v[axis]

@@ -48,7 +48,8 @@ class Grid:
     """Inputs of cart and hoist, held over each interval."""
     y: NDArray[np.float64]
     measured: NDArray[np.bool_]
-    active: Axes
+    active: tuple[bool, bool, bool]
+    """Whether cart, swing and hoist move."""
     length: float
     """A rope length for the parts that do not measure one [m]."""
 
@@ -77,7 +78,7 @@ def grid(recording: Recording, step: float) -> Grid:
     length = recording.locked_length
     if length is None:
         length = 0.5 if recording.l is None else float(np.mean(recording.l))
-    active = Axes(*(float(flag) for flag in (recording.has_cart, recording.has_swing, recording.has_hoist)))
+    active = (recording.has_cart, recording.has_swing, recording.has_hoist)
     return Grid(recording, times, u, y, measured, active, length)
 
 
@@ -91,7 +92,7 @@ class Batch:
     prior: NDArray[np.float64]
     """One over the standard deviation of each initial value about the first guess; infinite where it is fixed."""
     recording: NDArray[np.int64]
-    """Index of each lane's recording."""
+    """Index of each lane's recording; -1 for a lane without content, which only fills up the shape."""
     first: NDArray[np.int64]
     """Grid point at which each lane begins."""
     grids: tuple[Grid, ...]
@@ -113,6 +114,7 @@ def make_batch(
     overrides: Sequence[Mapping[int, float]] = (),
     hidden: int = 0,
     substeps: int | None = None,
+    like: "Batch | None" = None,
 ) -> Batch:
     """Lanes of all recordings.
 
@@ -125,6 +127,7 @@ def make_batch(
         overrides: for each recording, parameter values by place in the parameter vector.
         hidden: number of hidden coordinates of the plant.
         substeps: integration steps in each interval; by default from `step`.
+        like: a batch whose shape to take if there is room in it, so that its program serves this one, too.
     """
     period = float(np.median([recording.period for recording in recordings]))
     if substeps is None:
@@ -140,7 +143,12 @@ def make_batch(
         cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
     longest = _rounded(max(b - a for _, a, b in cuts))
     history = math.ceil(_HISTORY / period)
-    n = len(cuts)
+    n = _filled(len(cuts))
+    if like is not None:
+        length, room = like.lanes.lane.dt.shape[1], like.count
+        past = like.lanes.lane.before.shape[1]
+        if longest <= length and len(cuts) <= room and substeps == like.substeps:
+            longest, n, history = length, room, past
     dt = np.zeros((n, longest))
     u = np.zeros((n, history + longest, 2))
     before = np.full((n, history), period)
@@ -163,8 +171,12 @@ def make_batch(
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
         prior[i, 6:] = np.tile([1 / 2e-3, 1 / 2e-2], hidden)
-    starts = np.array([grids[r].times[a] for r, a, _ in cuts])
-    active = Axes(*(jnp.asarray([getattr(grids[r].active, axis) for r, _, _ in cuts]) for axis in AXES))
+    # Lanes without content stand still at the first lane's state.
+    spare = n - len(cuts)
+    initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
+    cuts += [(-1, 0, 0)] * spare
+    starts = np.array([grids[r].times[a] if r >= 0 else 0.0 for r, a, _ in cuts])
+    active = Axes(*(jnp.asarray([float(grids[max(r, 0)].active[k]) for r, _, _ in cuts]) for k in range(3)))
     lane = Lane(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
     return Batch(
         Lanes(lane, jnp.asarray(y), jnp.asarray(weight), jnp.asarray(at), jnp.asarray(to)),
@@ -180,8 +192,14 @@ def make_batch(
 
 def _rounded(count: int) -> int:
     """A length a little above `count`, from a coarse list, so that programs are compiled for few lengths."""
-    unit = max(1, 2 ** (count.bit_length() - 4))
+    unit = max(1, 2 ** (count.bit_length() - 3))
     return -(-count // unit) * unit
+
+
+def _filled(lanes: int) -> int:
+    """A number of lanes from a coarse list, for the same reason."""
+    unit = 2 if lanes <= 8 else 8
+    return lanes if lanes == 1 else -(-lanes // unit) * unit
 
 
 def _first_state(
@@ -191,7 +209,7 @@ def _first_state(
     state, tight = np.zeros(6), np.zeros(6)
     state[2] = g.length
     for k, axis in enumerate(AXES):
-        if not getattr(g.active, axis):
+        if not g.active[k]:
             # What does not move keeps its place exactly.
             tight[[k, k + 3]] = np.inf
             continue

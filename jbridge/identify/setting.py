@@ -86,9 +86,7 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     ]
     known_lengths = [value for value in lengths if value is not None]
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
-    return Setting(
-        tuple(recordings), tuple(holdout), noise_floor(everything), axes, units, length
-    )
+    return Setting(tuple(recordings), tuple(holdout), noise_floor(everything), axes, units, length)
 
 
 def resolve(plant: Plant, length: float) -> Plant:
@@ -137,6 +135,7 @@ def lanes_for(
     setting: Setting,
     recordings: Sequence[Recording],
     window: float | None = None,
+    like: Batch | None = None,
 ) -> Batch:
     """Lanes of recordings for a plant, with steps as its stiffness needs them."""
     hidden = len(plant.mechanisms)
@@ -149,6 +148,7 @@ def lanes_for(
         size=table.size,
         overrides=overrides(table, recordings),
         hidden=hidden,
+        like=like,
     )
 
 
@@ -181,7 +181,11 @@ def scene_of(setting: Setting, plant: Plant, events: Mapping[str, tuple] | None 
         duration=max(r.duration for r in setting.recordings),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,
-        bridge={"cart_mass": float(plant.bridge.cart_mass), "load_mass": float(plant.bridge.load_mass), "gravity": float(plant.bridge.gravity)},
+        bridge={
+            "cart_mass": float(plant.bridge.cart_mass),
+            "load_mass": float(plant.bridge.load_mass),
+            "gravity": float(plant.bridge.gravity),
+        },
         friction=friction,
         events=dict(events or {}),
     )

@@ -110,7 +110,7 @@ def bounded_step(
     high: NDArray[np.float64],
     damping: float,
 ) -> NDArray[np.float64]:
-    """Damped Gauss-Newton step that stays within bounds: what would leave them is put on them, and the rest re-solved."""
+    """Damped Gauss-Newton step within bounds: what would leave them is put on them, and the rest re-solved."""
     n = len(at)
     step = np.zeros(n)
     moving = ~(((at <= low) & (reduced.gradient > 0)) | ((at >= high) & (reduced.gradient < 0)))
@@ -184,7 +184,7 @@ def solve(
             break
         trial_v, trial_i = vectors[chosen].copy(), initial[chosen].copy()
         for j, r in enumerate(chosen):
-            f = free[r]
+            f = free[int(r)]
             weighted = products[r] * lane_weight[r][:, None, None]
             reduced = reduce(weighted, len(f), columns, initial[r], batch.initial, batch.prior, damping[r])
             step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])

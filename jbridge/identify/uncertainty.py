@@ -73,8 +73,14 @@ def estimates(
         info, unit = table.entry(places[0]).info, table.entry(places[0]).unit
         values = [float(vector[p]) for p in places]
         spread = [stds.get(p) for p in places]
-        lows = [None if s is None else max(v - _NORMAL * s, low_all[p]) for v, s, p in zip(values, spread, places, strict=True)]
-        highs = [None if s is None else min(v + _NORMAL * s, high_all[p]) for v, s, p in zip(values, spread, places, strict=True)]
+        lows = [
+            None if s is None else max(v - _NORMAL * s, low_all[p])
+            for v, s, p in zip(values, spread, places, strict=True)
+        ]
+        highs = [
+            None if s is None else min(v + _NORMAL * s, high_all[p])
+            for v, s, p in zip(values, spread, places, strict=True)
+        ]
         if info.vector:
             estimated = any(s is not None for s in spread)
             # A level that is held as the reference of its neighbours is exact by choice.
@@ -110,16 +116,18 @@ def warnings(
     for i in range(len(free)):
         for j in range(i):
             both = stds[i] * stds[j]
-            if both > 0 and abs(cov[i, j]) / both > 0.995 and table.entry(int(free[i])).group != table.entry(int(free[j])).group:
+            if (
+                both > 0
+                and abs(cov[i, j]) / both > 0.995
+                and table.entry(int(free[i])).group != table.entry(int(free[j])).group
+            ):
                 out.append(
-                    f"The recordings hardly tell {table.entry(int(free[j])).name} from {table.entry(int(free[i])).name}: "
-                    "only a combination of the two is determined."
+                    f"The recordings hardly tell {table.entry(int(free[j])).name} from "
+                    f"{table.entry(int(free[i])).name}: only a combination of the two is determined."
                 )
     return out
 
 
 def as_uncertainty(found: Mapping[str, Estimate]) -> dict[str, dict[str, object]]:
     """Intervals as a model file keeps them."""
-    return {
-        name: {"std": e.std, "low": e.low, "high": e.high} for name, e in found.items() if e.std is not None
-    }
+    return {name: {"std": e.std, "low": e.low, "high": e.high} for name, e in found.items() if e.std is not None}

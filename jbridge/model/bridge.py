@@ -25,7 +25,7 @@ class Symmetric(NamedTuple):
     pl: Scalar
     ll: Scalar
 
-    def __matmul__(self, f: Axes) -> Axes:  # type: ignore[override]
+    def __matmul__(self, f: Axes) -> Axes:
         return Axes(
             self.xx * f.x + self.xp * f.psi + self.xl * f.l,
             self.xp * f.x + self.pp * f.psi + self.pl * f.l,
@@ -81,9 +81,7 @@ class Bridge(eqx.Module):
         across = v.x + v.l * sine + q.l * v.psi * cosine
         down = v.l * cosine - q.l * v.psi * sine
         kinetic = (
-            self.cart_mass * v.x * v.x
-            + self.load_mass * (across * across + down * down)
-            + self.winch_mass * v.l * v.l
+            self.cart_mass * v.x * v.x + self.load_mass * (across * across + down * down) + self.winch_mass * v.l * v.l
         )
         return 0.5 * kinetic - self.load_mass * self.gravity * q.l * cosine
 

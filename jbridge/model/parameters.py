@@ -64,6 +64,7 @@ class ParameterTable:
                 if info is not None:
                     self._describe(part, owner, info, offset, size, command)
                 else:
+                    assert isinstance(part, AbstractEffect)
                     self._options[f"{part.kind}@{part.site}.{field.name}"] = offset
                 offset += size
 
@@ -74,7 +75,7 @@ class ParameterTable:
         """Tables of the same structure are interchangeable, so that programs compiled for one serve the other."""
         if not isinstance(other, ParameterTable):
             return NotImplemented
-        return self._treedef == other._treedef and self._shapes == other._shapes
+        return (self._treedef, self._shapes) == (other._treedef, other._shapes)
 
     def _describe(
         self, part: Any, owner: int, info: ParameterInfo, offset: int, size: int, command: Mapping[str, str]
@@ -140,7 +141,8 @@ class ParameterTable:
         leaves = jax.tree.leaves(plant)
         return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=jnp.result_type(float))) for leaf in leaves])
 
-    def unravel(self, vector: Float[Array, " parameter"]) -> Plant:
+    def unravel(self, vector: Float[Array, " parameter"] | Float[np.ndarray, " parameter"]) -> Plant:
+        vector = jnp.asarray(vector)
         leaves, offset = [], 0
         for shape, size in zip(self._shapes, self._sizes, strict=True):
             leaves.append(jnp.reshape(vector[offset : offset + size], shape))

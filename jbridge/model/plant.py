@@ -16,10 +16,9 @@ from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-
-from .._math import materialise, sincos
 from jaxtyping import Array
 
+from .._math import materialise, sincos
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
 from .effects.base import (
@@ -218,11 +217,11 @@ class Plant(eqx.Module):
         if rope is None:
             f_l = f_l + at_l
         else:
-            tension = rope.stiffness * (q.loaded - q.l) + rope.damping * (v.loaded - v.l)
+            tension = rope.stiffness * (load_q.l - q.l) + rope.damping * (load_v.l - v.l)
             f_l = f_l - tension
             at_l = at_l + tension
         if isinstance(train, BeltCompliance):
-            belt = train.stiffness * (q.motor - q.x) + train.damping * (v.motor - v.x)
+            belt = train.stiffness * (q.at_drives().x - q.x) + train.damping * (v.at_drives().x - v.x)
             f_x = f_x + belt
             at_x = at_x - belt
 
@@ -241,9 +240,7 @@ class Plant(eqx.Module):
         w_pl = inv.pl if rope is None else jnp.zeros_like(inv.pl)
         a_motor = None if train is None else at_x * active.x / train.motor_mass
         a_winch = None if rope is None else at_l * active.l / b.winch_mass
-        rest = Axes(
-            free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch
-        )
+        rest = Axes(free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch)
         positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives())
         if push is not None:
             positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
@@ -253,40 +250,40 @@ class Plant(eqx.Module):
         w, rest, inv, free = materialise((w, rest, inv, free), go)
         contact = train if isinstance(train, Backlash) else None
         f = [jnp.zeros_like(q.x)] * 3
-        push = jnp.zeros_like(q.x)
+        thrust = jnp.zeros_like(q.x)
         # The contact's force on (motor, swing, winch) rows and back, and on itself.
         if contact is not None:
-            play = q.motor - q.x
+            play = q.at_drives().x - q.x
             side = jnp.where(play < 0, -1.0, 1.0)
             depth = side * play - 0.5 * contact.gap
             touch = jnp.clip(depth / _CONTACT_DEPTH, 0.0, 1.0)
             u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
             w_contact = w_x + inv.xx
-            approach = side * (v.motor - v.x)
+            approach = side * (v.at_drives().x - v.x)
             tau = _CONTACT_TIME * h + _TINY
         for _ in range(_SWEEPS):
             if contact is not None:
                 # Acceleration of approach without the contact, friction at its current values.
                 a_free = side * (rest.x + w_x * f[0] - free.x - inv.xp * f[1] - u[2] * side * f[2])
                 wanted = a_free + approach / tau + depth / (_CONTACT_RELAXATION * tau * tau)
-                push = touch * jnp.maximum(wanted / (w_contact + _TINY), 0.0)
+                thrust = touch * jnp.maximum(wanted / (w_contact + _TINY), 0.0)
             for i, (levels_up, levels_down) in enumerate(zip(positive, negative, strict=True)):
                 a_free = rest[i]
                 for j in range(3):
                     if j != i:
                         a_free = a_free + w[i][j] * f[j]
                 if contact is not None:
-                    a_free = a_free + u[i] * push
+                    a_free = a_free + u[i] * thrust
                 f[i] = materialise(_mean_friction(first[i], a_free, w[i][i], levels_up, levels_down, h), go)
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
         if contact is not None:
-            f_block = f_block._replace(x=f_block.x + side * push)
+            f_block = f_block._replace(x=f_block.x + side * thrust)
             assert a_motor is not None
-            a_motor = a_motor - side * push * w_x
+            a_motor = a_motor - side * thrust * w_x
         change = inv @ f_block
         a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
-        if to_phi is not None:
+        if to_phi is not None and a_phi is not None:
             a_phi = a_phi + to_phi.x * f_block.x + to_phi.psi * f_block.psi + to_phi.l * f_block.l
         return Motion(
             a.x,

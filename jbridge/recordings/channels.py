@@ -48,9 +48,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         InputError: naming file, row and column.
     """
     columns = pick_columns(path, table, declared)
-    raw = {
-        channel: column.convert(table.columns[column.name], channel) for channel, column in columns.items()
-    }
+    raw = {channel: column.convert(table.columns[column.name], channel) for channel, column in columns.items()}
     times = raw["t"]
     for channel, values in raw.items():
         if values.size != times.size:
@@ -102,9 +100,7 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
                 f" the columns are {listed(table.columns)}"
             )
     if "t" not in columns:
-        found = (
-            f"the columns are {listed(table.columns)}" if table.columns else "there are no columns of numbers"
-        )
+        found = f"the columns are {listed(table.columns)}" if table.columns else "there are no columns of numbers"
         raise InputError(
             f"{table.header}: no column t for the time; {found}; rename one, or map it in"
             f' {path.with_suffix(".toml").name}: [columns] t = {{column = "...", unit = "s"}}'

@@ -35,13 +35,9 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
     if bad.any():
         sample = int(bad.argmax())
         if name == "t":
-            remedy = (
-                'count time from the start of the run, or subtract it: t = {column = "...", offset = ...}'
-            )
+            remedy = 'count time from the start of the run, or subtract it: t = {column = "...", offset = ...}'
         else:
-            remedy = (
-                f'correct it, or declare its unit under [columns]: {name} = {{column = "...", unit = "..."}}'
-            )
+            remedy = f'correct it, or declare its unit under [columns]: {name} = {{column = "...", unit = "..."}}'
         raise refuse(sample, name, f"{values[sample]:g} in SI units is beyond 1e6; {remedy}")
 
 

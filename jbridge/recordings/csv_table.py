@@ -64,8 +64,7 @@ def decode(path: Path, content: bytes) -> str:
         raise InputError(f"{path}: the file is empty; record or export the run again")
     if text.lstrip().startswith("<"):
         raise InputError(
-            f"{path}, row 1: a web page (HTML or XML), not a recording; download the file itself, not its"
-            " page"
+            f"{path}, row 1: a web page (HTML or XML), not a recording; download the file itself, not its page"
         )
     return text
 
@@ -77,14 +76,11 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     names = [name.strip() for name in split(path, row, line)]
     if all(is_number(name) for name in names):
         raise InputError(
-            f"{path}, row {row}: numbers where the names of the columns belong; put a row such as"
-            " t,u_x,x,psi first"
+            f"{path}, row {row}: numbers where the names of the columns belong; put a row such as t,u_x,x,psi first"
         )
     for place, name in enumerate(names):
         if not name:
-            raise InputError(
-                f"{path}, row {row}, column {place + 1}: the column has no name; name it or delete it"
-            )
+            raise InputError(f"{path}, row {row}, column {place + 1}: the column has no name; name it or delete it")
         if name in names[:place]:
             raise InputError(
                 f"{path}, row {row}, column {name}: the name is there twice, as column"

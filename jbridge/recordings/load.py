@@ -22,9 +22,7 @@ from jbridge.recordings.table import Table
 PathLike = str | os.PathLike[str]
 
 
-def load_recording(
-    path: PathLike, *, inputs_only: bool = False, sidecar: PathLike | None = None
-) -> Recording:
+def load_recording(path: PathLike, *, inputs_only: bool = False, sidecar: PathLike | None = None) -> Recording:
     """Returns the recording in a CSV or .mat file, with what its sidecar declares.
 
     Args:
@@ -141,9 +139,7 @@ def read_table(path: Path) -> Table:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; check the name and the folder") from None
     except IsADirectoryError:
-        raise InputError(
-            f"{path}: a folder, not a recording; name its files, such as {path / '*.csv'}"
-        ) from None
+        raise InputError(f"{path}: a folder, not a recording; name its files, such as {path / '*.csv'}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the file's permissions") from None
     return (read_mat if path.suffix.lower() == ".mat" else read_csv)(path, content)
@@ -159,23 +155,18 @@ def all_extras(channels: Channels, parts: Parts) -> dict[str, np.ndarray]:
     return channels.extras | {name: channels.values[name] for name in parts.unused}
 
 
-def describe(
-    channels: Channels, declared: Sidecar, resolution: dict[str, float], holds: dict[str, Hold]
-) -> list[str]:
+def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float], holds: dict[str, Hold]) -> list[str]:
     """Returns the sentences on what the numbers themselves show."""
     notes = [f"Declarations come from {declared.source}."] if declared.source else []
     times = channels.values["t"]
     period, longest = float(np.median(np.diff(times))), float(np.diff(times).max())
     if period > 1:
         notes.append(
-            f"There is one row per {period:.3g} s; if the time is in ms, declare it:"
-            ' t = {column = "t", unit = "ms"}.'
+            f'There is one row per {period:.3g} s; if the time is in ms, declare it: t = {{column = "t", unit = "ms"}}.'
         )
     if longest > 10 * period:
         moment = times[np.diff(times).argmax()]
-        notes.append(
-            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it."
-        )
+        notes.append(f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it.")
     if "psi" in channels.values:
         angle = abs(float(np.median(channels.values["psi"])))
         if abs(angle % (2 * np.pi) - np.pi) < 0.3:
@@ -188,18 +179,13 @@ def describe(
         if name not in declared.resolution and size > 0:
             notes.append(f"The values of {name} lie on a grid of {size:.4g} {unit}, taken as its count.")
         if hold.held:
-            notes.append(
-                held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows")
-            )
+            notes.append(held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows"))
     return notes
 
 
 def held_note(name: str, hold: Hold, how: str) -> str:
     rate = f" about every {hold.period * 1000:.0f} ms" if hold.period else ""
-    return (
-        f"The sensor of {name} gives a new sample{rate} and repeats it in between, {how};"
-        " repeats are not counted."
-    )
+    return f"The sensor of {name} gives a new sample{rate} and repeats it in between, {how}; repeats are not counted."
 
 
 def share_holds(reading: Reading, readings: Sequence[Reading]) -> Recording:

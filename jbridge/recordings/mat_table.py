@@ -56,8 +56,7 @@ def read_mat(path: Path, content: bytes) -> Table:
         for inner, vector in fields(path, name, value).items():
             if inner in columns or inner in unusable:
                 raise InputError(
-                    f"{path}, column {inner}: the name is there twice, also in {name}; keep one of them in"
-                    " the file"
+                    f"{path}, column {inner}: the name is there twice, also in {name}; keep one of them in the file"
                 )
             what = why_unusable(vector)
             if what:
@@ -143,9 +142,7 @@ def object_message(path: Path, converted: str, name: str, value: np.ndarray) -> 
     if isinstance(value, MatlabOpaque) and value.size:
         item = value.reshape(-1)[0]
         texts = [item[key] for key in ("s0", "s1", "s2")]
-        name, _, kind = (
-            text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in texts
-        )
+        name, _, kind = (text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in texts)
         line = CONVERSIONS.get(kind, CONVERSIONS["timeseries"]).format(v=name, new=converted)
         remedy = f"convert it in MATLAB with {line}"
     return f"{path}: {name} is a MATLAB object ({kind}), not a vector; {remedy}"

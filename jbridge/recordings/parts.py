@@ -49,9 +49,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
         require_measurement(header, values)
         if "u_x" in values and "x" not in values:
             unused.add("u_x")
-            notes.append(
-                "There is no x, so the load is taken to hang from a fixed point and u_x is not used."
-            )
+            notes.append("There is no x, so the load is taken to hang from a fixed point and u_x is not used.")
     if "u_l" in values and declared.locked is not None:
         if np.ptp(values["u_l"]) > 0:
             raise InputError(
@@ -75,14 +73,10 @@ def require_measurement(header: str, values: dict[str, np.ndarray]) -> None:
     if not values.keys() & {"x", "psi", "l"}:
         raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l)")
     if not values.keys() & {"x", "psi", "u_l"}:
-        raise InputError(
-            f"{header}: a rope length l, but nothing that moves; add u_l for a hoist, or psi for a swing"
-        )
+        raise InputError(f"{header}: a rope length l, but nothing that moves; add u_l for a hoist, or psi for a swing")
 
 
-def locked_length(
-    path: Path, channels: Channels, declared: Sidecar, inputs_only: bool
-) -> tuple[float | None, str]:
+def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only: bool) -> tuple[float | None, str]:
     """Returns the length of a locked rope [m], if a load is there, and a sentence on where it comes from."""
     values = channels.values
     length = values.get("l")

@@ -106,9 +106,7 @@ def is_folder_file(path: Path, document: Mapping[str, object]) -> bool:
     return named and not document.keys() & set(SECTIONS)
 
 
-def table_for(
-    path: Path, file: Path, document: Mapping[str, object]
-) -> "tuple[Where, dict[str, object]] | None":
+def table_for(path: Path, file: Path, document: Mapping[str, object]) -> "tuple[Where, dict[str, object]] | None":
     """Returns a recording's own table in a folder's file, else that of the one pattern that fits its name."""
     for key, value in document.items():
         if key in SECTIONS:
@@ -118,15 +116,12 @@ def table_for(
             )
         if isinstance(value, dict) and value.keys() <= {"csv", "mat"} and value:
             ending = next(iter(value))
-            raise InputError(
-                f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]'
-            )
+            raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
     fitting = [path.name] if path.name in document else []
     fitting = fitting or [key for key in document if fnmatchcase(path.name, key)]
     if len(fitting) > 1:
         raise InputError(
-            f"{file}: the tables {listed(map(quoted, fitting))} all fit {path.name}; keep one, or write"
-            f' ["{path.name}"]'
+            f'{file}: the tables {listed(map(quoted, fitting))} all fit {path.name}; keep one, or write ["{path.name}"]'
         )
     if not fitting:
         return None
@@ -182,9 +177,7 @@ def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
     trim = trim_where.numbers(trim_table, ("start", "stop"))
     start, stop = trim.get("start", float("-inf")), trim.get("stop", float("inf"))
     if start >= stop:
-        raise trim_where.error(
-            f"start = {start:g} is not before stop = {stop:g}; give both in seconds of the file"
-        )
+        raise trim_where.error(f"start = {start:g} is not before stop = {stop:g}; give both in seconds of the file")
     locked_where, locked_table = tables["locked"]
     hold_where, hold_table = tables["hold"]
     override_where, override_table = tables["override"]
@@ -239,9 +232,7 @@ def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Col
     unit = table.get("unit", "count" if scaled else plain_column(channel).unit)
     known = (*UNITS[channel], "count") if scaled else tuple(UNITS[channel])
     if scaled and channel in INPUTS:
-        raise where.error(
-            "an input takes no scale; give its unit (V, A, % or count), and its gain carries it"
-        )
+        raise where.error("an input takes no scale; give its unit (V, A, % or count), and its gain carries it")
     if scaled and unit != "count":
         raise where.error(f'scale is the size of one count: write unit = "count", not {quoted(str(unit))}')
     if unit == "count" and not scaled and channel not in INPUTS:

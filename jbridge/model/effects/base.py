@@ -126,9 +126,7 @@ def parameters_of(cls: type) -> dict[str, ParameterInfo]:
 
 def options_of(cls: type) -> dict[str, tuple[str, ...]]:
     """The options of an effect class with their allowed words."""
-    return {
-        field.name: field.metadata["choices"] for field in dataclasses.fields(cls) if "choices" in field.metadata
-    }
+    return {field.name: field.metadata["choices"] for field in dataclasses.fields(cls) if "choices" in field.metadata}
 
 
 _PLACE_UNITS = {

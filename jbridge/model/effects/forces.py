@@ -155,7 +155,12 @@ class EndStop(AbstractForce):
         shares = (0.97, 0.9, 0.8)
         return [
             Seed(
-                {"end": end, "position": low + (s if end == "high" else 1 - s) * span, "stiffness": 500.0, "damping": 5.0},
+                {
+                    "end": end,
+                    "position": low + (s if end == "high" else 1 - s) * span,
+                    "stiffness": 500.0,
+                    "damping": 5.0,
+                },
                 ("position", "stiffness", "damping"),
                 finite=True,
             )

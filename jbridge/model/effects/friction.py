@@ -66,9 +66,7 @@ class StribeckFriction(AbstractFriction):
         speed = max(scene.speed[AXIS_OF_SITE[site]], 1e-3)
         # Beside a Coulomb friction the sliding level is the Coulomb friction's, and only the extra is new.
         free = ("breakaway", "velocity") if scene.friction[site] > 0 else ("level", "breakaway", "velocity")
-        return [
-            Seed({"level": 0.0, "breakaway": 0.0, "velocity": share * speed}, free) for share in (0.02, 0.08, 0.3)
-        ]
+        return [Seed({"level": 0.0, "breakaway": 0.0, "velocity": share * speed}, free) for share in (0.02, 0.08, 0.3)]
 
 
 class DirectionDependentFriction(AbstractFriction):

@@ -1,19 +1,30 @@
 """Mechanisms with a hidden coordinate against Euler-Lagrange, and a play's contact against its limits."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import sympy as sp
 
+from jbridge.rollout import MIDPOINT, RK4, hidden_count, initial_motion
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
+    CART_ALONE,
     EVERY_AXIS,
     FIXED_CART,
     LOCKED_ROPE,
+    LOSSLESS,
     NUMBERS,
+    PERIOD,
     accelerate,
     axes,
+    lively_inputs,
+    make_lane,
     make_plant,
+    make_state,
+    measure,
     motion,
+    simulate,
 )
 
 M1, M2, JE, G = sp.symbols("M1 M2 JE G", positive=True)
@@ -126,3 +137,165 @@ def test_mechanism_against_euler_lagrange(kind, active):
         a = accelerate(plant, motion(*hidden_q), motion(*hidden_v), axes(volts[0], 0, volts[1]), axes(*active))
         ours = np.array([*a.axes, getattr(a, slot)])
         np.testing.assert_allclose(ours, expected, rtol=RELATIVE, atol=RELATIVE * np.max(np.abs(expected)))
+
+
+GAP, MOTOR = 2e-3, 1.1
+CART = NUMBERS["cart_mass"] - MOTOR
+PLAY = ("backlash", "cart", {"gap": GAP, "motor_mass": MOTOR})
+
+
+def run_play(*, u_x=0.0, count=100, active=CART_ALONE, substeps=4, state=(), **changes):
+    """A cart behind a motor with play, as NumPy: places and rates of cart, motor and swing at the samples.
+
+    At 4 RK4 steps in 5 ms a contact is stiff on a scale of 1 ms.
+    """
+    lane = make_lane(np.tile([u_x, 0.0], (count, 1)), active=active)
+    motions = simulate(make_plant(PLAY, **changes), make_state(**state), lane, substeps=substeps, method=RK4)
+    return jax.tree.map(np.asarray, (motions.q, motions.v))
+
+
+def test_within_the_play_motor_and_cart_know_nothing_of_each_other():
+    """The motor runs up alone, with its own mass, drive and damping; the cart goes on at its speed."""
+    force, damping, speed = 16.0 * 0.05, 4.0, 0.1
+    q, v = run_play(
+        u_x=0.05, count=10, state={"x": 0.0, "rates": (speed, 0, 0), "hidden": (-0.4 * GAP, -0.1)}, cart_damping=damping
+    )
+    t = np.arange(11) * PERIOD
+    final = force / damping
+    expected = final * (1 - np.exp(-damping / MOTOR * t))
+    inside = np.abs(q.motor - q.x) < GAP / 2
+    assert inside[:3].all() and inside.sum() >= 4
+    np.testing.assert_allclose(v.motor[inside], expected[inside], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(v.x[inside], speed, rtol=1e-15)
+
+
+def test_in_contact_motor_and_cart_move_as_one_mass():
+    """Pushed against one side and kept there, the pair moves like a rigid cart, `gap/2` behind the motor."""
+    q, v = run_play(u_x=3.0, count=200, state={"x": 0.0, "hidden": (GAP / 2, 0.0)})
+    rigid = simulate(
+        make_plant(),
+        make_state(0.0),
+        make_lane(np.tile([3.0, 0.0], (200, 1)), active=CART_ALONE),
+        substeps=4,
+        method=RK4,
+    )
+    # Contact sets in over 0.02 mm.
+    np.testing.assert_allclose(q.x, rigid.q.x, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(q.motor - GAP / 2, rigid.q.x, rtol=0, atol=4e-5)
+    np.testing.assert_allclose(v.x, rigid.v.x, rtol=0, atol=5e-4)
+
+
+@pytest.mark.parametrize("method", [RK4, MIDPOINT], ids=["RK4", "MIDPOINT"])
+@pytest.mark.parametrize("speed", [0.05, 0.3, -0.3], ids=str)
+def test_impact_is_inelastic_and_keeps_the_momentum(speed, method):
+    lane = make_lane(np.zeros((100, 2)), active=CART_ALONE)
+    motions = simulate(
+        make_plant(PLAY, **LOSSLESS), make_state(0.0, hidden=(0.0, speed)), lane, substeps=4, method=method
+    )
+    motor, cart = np.asarray(motions.v.motor), np.asarray(motions.v.x)
+    momentum = MOTOR * motor + CART * cart
+    np.testing.assert_allclose(momentum, MOTOR * speed, rtol=1e-12)
+    relative = (motor - cart) / speed
+    assert relative[0] == 1.0 and np.any(relative < 0.05), "they have met"
+    # What is left of the approach, and comes back as a rebound, is 5 %: a coefficient of restitution of 0.05.
+    assert relative.min() > -0.06
+    np.testing.assert_allclose(cart[-1], MOTOR * speed / (MOTOR + CART), rtol=0.02)
+    play = np.asarray(motions.q.motor - motions.q.x)
+    assert np.max(np.abs(play)) < 0.5 * GAP + 0.25 * PERIOD * abs(speed)
+
+
+def test_a_contact_never_pulls():
+    """The motor brakes at once; the cart runs on freely until it has crossed the play, and is then held back alone."""
+    q, v = run_play(u_x=-1.0, count=60, state={"x": 0.0, "rates": (0.3, 0, 0), "hidden": (GAP / 2, 0.0)}, **LOSSLESS)
+    change = np.diff(v.x)
+    assert np.all(change <= 1e-15), "the motor would have to pull the cart forwards"
+    crossing = (q.motor - q.x)[1:] > -0.49 * GAP
+    assert crossing[0] and np.all(change[crossing & (np.arange(60) < 2)] == 0.0)
+    # Later both brake as one.
+    np.testing.assert_allclose(change[-10:], -16.0 * PERIOD / (MOTOR + CART), rtol=0.02)
+
+
+def test_play_loses_energy_and_keeps_momentum_under_a_swinging_load():
+    """Without a drive the horizontal momentum of motor, cart and load is constant, and impacts only lose energy."""
+    q, v = run_play(
+        count=400,
+        active=LOCKED_ROPE,
+        state={"x": 0.0, "psi": 0.5, "rates": (0.2, 1.0, 0.0), "hidden": (0.0, 0.3)},
+        **LOSSLESS,
+    )
+    m2, g, l = NUMBERS["load_mass"], NUMBERS["gravity"], 0.7
+    across, down = v.x + l * v.psi * np.cos(q.psi), -l * v.psi * np.sin(q.psi)
+    momentum = CART * v.x + MOTOR * v.motor + m2 * across
+    energy = (CART * v.x**2 + MOTOR * v.motor**2 + m2 * (across**2 + down**2)) / 2 - m2 * g * l * np.cos(q.psi)
+    # RK4 keeps a momentum that is not linear in its state to its own order.
+    assert np.ptp(momentum) < 1e-6 * momentum[0]
+    assert energy[0] - energy[-1] > 0.03
+    # The contact pushes what has sunk in back to the surface.
+    assert np.max(np.diff(energy)) < 1e-4 * (energy[0] - energy[-1])
+
+
+@pytest.mark.parametrize("kind", ["backlash", "belt_compliance"])
+def test_encoder_on_the_motors_side(kind):
+    values = PLAY[2] if kind == "backlash" else {"stiffness": 2000.0, "damping": 5.0, "motor_mass": MOTOR}
+    lane, start = make_lane(lively_inputs(50)), make_state(psi=0.1, hidden=(5e-4, 0.0))
+    for encoder in ("cart", "motor"):
+        plant = make_plant((kind, "cart", values | {"encoder": encoder}))
+        motions = simulate(plant, start, lane, substeps=4, method=RK4)
+        expected = motions.q.x if encoder == "cart" else motions.q.motor
+        np.testing.assert_allclose(measure(plant, lane, motions)[:, 0], expected, rtol=1e-14)
+        assert np.ptp(motions.q.motor - motions.q.x) > 1e-4
+
+
+def test_an_elastic_rope_hangs_stretched():
+    """With the winch locked and nothing moving, the load rests `m2 g/stiffness` below the rope's unstretched length."""
+    plant = make_plant(("rope_elasticity", "hoist", {"stiffness": 150.0, "damping": 0.2}))
+    lane = make_lane(np.zeros((200, 2)), active=LOCKED_ROPE)
+    motions = simulate(plant, make_state(l=0.7, hidden=(0.0, 0.0)), lane, substeps=2, method=RK4)
+    hanging = 0.7 + NUMBERS["load_mass"] * NUMBERS["gravity"] / 150.0
+    np.testing.assert_allclose(motions.q.loaded, hanging, rtol=1e-13)
+    np.testing.assert_array_equal(motions.q.l, 0.7)
+    # Pulled down, it bounces about there at its natural period.
+    period = 2 * np.pi * np.sqrt(NUMBERS["load_mass"] / 150.0)
+    lane = make_lane(np.zeros((200, 2)), period / 200, active=LOCKED_ROPE)
+    free = make_plant(("rope_elasticity", "hoist", {"stiffness": 150.0, "damping": 0.0}), **LOSSLESS)
+    motions = simulate(free, make_state(l=0.7, hidden=(0.01, 0.0)), lane, substeps=2, method=RK4)
+    np.testing.assert_allclose(
+        motions.q.loaded[jnp.array([0, 50, 100, 200])] - hanging, [0.01, 0.0, -0.01, 0.01], atol=1e-9
+    )
+
+
+def test_a_short_link_is_a_single_pendulum():
+    """A hook all but at the load, at rest against it, swings like a load at their common centre."""
+    link, hook = 0.006, 0.07
+    plant = make_plant(("double_pendulum", "swing", {"hook_mass": hook, "link": link, "damping": 1e-3}), **LOSSLESS)
+    lane = make_lane(np.zeros((200, 2)), active=(0, 1, 0))
+    motions = simulate(plant, make_state(psi=0.3, hidden=(0.0, 0.0)), lane, substeps=8, method=RK4)
+    total = NUMBERS["load_mass"]
+    centre = 0.7 + link * (total - hook) / total
+    single = simulate(make_plant(**LOSSLESS), make_state(psi=0.3, l=centre), lane, substeps=8, method=RK4)
+    # The spread of the masses about their centre lengthens the period by 1e-4, and the link lags a little.
+    np.testing.assert_allclose(motions.q.psi, single.q.psi, atol=2e-3)
+
+
+def test_hidden_states_come_in_one_order():
+    """Motor, loaded rope, link: whatever the order of the effects in a file."""
+    effects = [
+        ("double_pendulum", "swing", MECHANISMS["double_pendulum"][2]),
+        ("rope_elasticity", "hoist", {"stiffness": 140.283, "damping": 0.4}),
+        ("belt_compliance", "cart", MECHANISMS["belt_compliance"][2]),
+    ]
+    state = make_state(0.3, 0.1, 0.7, (0.4, 0.5, 0.6), hidden=(1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3))
+    stretch = 0.143 * 9.81 / 140.283
+    for listed in (effects, effects[::-1]):
+        plant = make_plant(*listed)
+        assert hidden_count(plant) == 3
+        q, v = initial_motion(plant, state, axes(*EVERY_AXIS))
+        np.testing.assert_allclose([q.motor, q.loaded, q.phi], [0.301, 0.703 + stretch, 0.105], rtol=1e-14)
+        np.testing.assert_allclose([v.motor, v.loaded, v.phi], [0.402, 0.604, 0.506], rtol=1e-14)
+
+
+def test_one_of_a_kind():
+    with pytest.raises(ValueError, match="at most one backlash"):
+        make_plant(PLAY, PLAY).drive_train
+    with pytest.raises(ValueError, match="keep one"):
+        make_plant(PLAY, ("belt_compliance", "cart", MECHANISMS["belt_compliance"][2])).drive_train
