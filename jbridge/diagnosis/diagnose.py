@@ -213,7 +213,9 @@ def _search(
         if not steps:
             learnable = screened.learnable
         trials = search.refit(state, screened)
-        if not trials or trials[0].cost > NEAR**2 * measurements(trials[0].batch):
+        if not _explained(trials):
+            trials = sorted(trials + search.refit(state, screened, trials), key=lambda t: t.score)
+        if not _explained(trials):
             trials = sorted(trials + search.mechanisms(state), key=lambda t: t.score)
         last = (screened, trials)
         # What a linear screen could not foresee must prove itself the more by simulation.
@@ -238,6 +240,11 @@ def _search(
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return state, steps, learnable, after, last
+
+
+def _explained(trials: Sequence[Trial]) -> bool:
+    """Whether some trial leaves little more than noise."""
+    return any(t.cost < LARGE**2 * measurements(t.batch) for t in trials)
 
 
 def _back_to_free_runs(search: Search, state: State) -> State:

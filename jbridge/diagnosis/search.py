@@ -21,14 +21,16 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates
 from .screen import Screen, Screened, screen
 
-REFITS = 8
-"""Candidates that are refitted in each round, besides the best of each site."""
-_ALWAYS = 5
+REFITS = 5
+"""Most candidates that are refitted at a time."""
+_ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
-_HOPELESS = 10.0
+_HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 EFFECTIVE = 1000.0
 """Effective number of independent samples, for weighing costs against parameters."""
+_PROMISING = 0.8
+"""Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
 _GAIN = 0.03
 """Least share of the cost that an acceptance must bring, in cross-validation too."""
 
@@ -201,14 +203,15 @@ class Search:
             unnamed,
         )
 
-    def refit(self, state: State, screened: Screen) -> list[Trial]:
-        """Full refits of the best candidates and of the best of each site, each by simulation.
+    def refit(self, state: State, screened: Screen, done: Sequence[Trial] = ()) -> list[Trial]:
+        """Full refits, by simulation, of the best candidates that are not `done` yet.
 
         Every effect has a program of its own: measured, the compiler's seconds for a handful of small programs are
         less than the time that one program with all effects takes to compile and to run. Seeds of one effect are rows
         of one batch.
         """
-        chosen = _shortlist(screened.ranked)
+        tried = {trial.candidate.name for trial in done}
+        chosen = _shortlist([item for item in screened.ranked if item.candidate.name not in tried])
         by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
             by_name.setdefault(item.candidate.name, []).append(item)
@@ -230,25 +233,28 @@ class Search:
                 found.setdefault(c.name, []).append(c)
         self.progress(f"refitting {len(found)} explanations with a hidden state")
 
-        def one(seeds: list[Candidate]) -> Trial:
+        few = _few(self.setting.recordings)
+        lanes = lanes_for(state.engine.table, state.plant, self.setting, few, WINDOW)
+        width = columns_for(len(state.free))
+        without = solve(
+            state.engine, lanes, state.vector[None], [state.free], columns=width, iterations=5, tolerance=1e-2
+        )
+
+        def contest(seeds: list[Candidate]) -> _Contest:
             engine, vector, free = self._with(state, seeds[0])
             rows = np.array([seed.set(engine.table, vector) for seed in seeds])
             frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
-            # Seeds compete on the shortest recording; only the best is taken through all of them.
-            few = lanes_for(
-                engine.table,
-                engine.table.unravel(rows[0]),
-                self.setting,
-                _shortest(self.setting.recordings),
-                self.window,
-            )
-            tries = solve(engine, few, rows, frees, columns=columns_for(len(frees[0])), iterations=6, tolerance=1e-2)
+            batch = lanes_for(engine.table, engine.table.unravel(rows[0]), self.setting, few, WINDOW)
+            tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)
             best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
-            return self._refit(state, [seeds[best]], engine, tries.vectors[best][None], free)
+            return _Contest(float(tries.cost[best]), seeds[best], engine, tries.vectors[best], free)
 
-        return self._each(one, list(found.values()))
+        # Seeds compete on windows of a few recordings; only what wins there is taken through all of them.
+        winners = sorted(self._each(contest, list(found.values())), key=lambda w: w.cost)
+        winners = [w for w in winners if w.cost < _PROMISING * float(without.cost[0])][:2]
+        return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
-    def _each(self, work: Callable[[Any], Trial], items: list[Any]) -> list[Trial]:
+    def _each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""
         with ThreadPoolExecutor(2) as pool:
             return list(pool.map(work, items))
@@ -443,34 +449,43 @@ def _merged(first: Sequence[Screened], second: Sequence[Screened]) -> list[Scree
 
 
 def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
-    """The best candidates and the best of each site, with a second seed where one is nearly as good.
+    """The best candidates, with a second seed where one is nearly as good.
 
-    A candidate from which the linear screen expects much less than from the best is not refitted, unless it is among
-    the first few: the screen misjudges what is strongly nonlinear, but not by an order of magnitude.
+    What the linear screen expects of a candidate is close to what a refit finds unless the mismatch is large, so few
+    refits are enough; more follow where none of them explains the recordings.
     """
     if not ranked:
         return []
     least = ranked[0].cost
     seen: dict[tuple[str, str], Screened] = {}
-    sites: set[str] = set()
     second: set[tuple[str, str]] = set()
     chosen = []
     for item in ranked:
-        name, site = item.candidate.name, item.candidate.site
-        close = item.cost < _HOPELESS * least
+        name = item.candidate.name
         if name not in seen:
-            if (len(seen) < REFITS and (close or len(seen) < _ALWAYS)) or (site not in sites and close):
+            if len(seen) < _ALWAYS or (len(seen) < REFITS and item.cost < _HOPELESS * least):
                 chosen.append(item)
                 seen[name] = item
-                sites.add(site)
-        elif name not in second and item.cost < 1.5 * seen[name].cost and len(chosen) < 2 * REFITS:
+        elif name not in second and item.cost < 1.5 * seen[name].cost:
             chosen.append(item)
             second.add(name)
     return chosen
 
 
-def _shortest(recordings: Sequence[Any]) -> tuple:
-    return (min(recordings, key=lambda r: r.duration),)
+def _few(recordings: Sequence[Any]) -> tuple:
+    """The two shortest recordings."""
+    return tuple(sorted(recordings, key=lambda r: r.duration)[:2])
+
+
+@dataclasses.dataclass
+class _Contest:
+    """The winner among one effect's seeds."""
+
+    cost: float
+    candidate: Candidate
+    engine: Engine
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
 
 
 def held(state: State, trial: Trial) -> float:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -177,7 +178,7 @@ def make_batch(
     cuts += [(-1, 0, 0)] * spare
     starts = np.array([grids[r].times[a] if r >= 0 else 0.0 for r, a, _ in cuts])
     active = Axes(*(jnp.asarray([float(grids[max(r, 0)].active[k]) for r, _, _ in cuts]) for k in range(3)))
-    lane = Lane(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
+    lane = jax.vmap(Lane)(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
     return Batch(
         Lanes(lane, jnp.asarray(y), jnp.asarray(weight), jnp.asarray(at), jnp.asarray(to)),
         initial,

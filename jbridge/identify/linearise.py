@@ -71,7 +71,8 @@ class Engine:
         places = np.full((rows, columns), -1, np.int64)
         places[:, : free.shape[1]] = free
         jobs = []
-        width = 1 if rows == 1 else _ROWS
+        # Few rows run one after the other in the program that a single fit needs anyway.
+        width = 1 if rows < _ROWS else _ROWS
         for a in range(0, rows, width):
             # A short last call repeats its last row: one shape, one program.
             take = np.minimum(np.arange(a, a + width), rows - 1)
@@ -122,12 +123,12 @@ def _tangents(
             return _predict(table, z[:size], z[size:], lane, substeps)[1]
 
         z = jnp.concatenate([vector, start])
-        towards = (jnp.arange(size + states) == places[:, None]).astype(z.dtype)
+        towards = (jnp.arange(size + states)[None, :] == places[:, None]).astype(z.dtype)
         basis = jnp.concatenate([jnp.zeros((states, size), z.dtype), jnp.eye(states, dtype=z.dtype)], axis=1)
         directions = jnp.concatenate([towards, basis])
         predicted, tangents = _jvp_batch(predict, z, directions)
         residual = (predicted - lane.y) * lane.weight
-        scaled = tangents * lane.weight
+        scaled = tangents * lane.weight[None]
         return scaled.reshape(directions.shape[0], -1), residual.reshape(-1), predicted
 
     over_lanes = jax.vmap(one, in_axes=(None, None, 0, 0))

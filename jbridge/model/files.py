@@ -301,7 +301,8 @@ def _known_names(where: _Where, known: Any, table: ParameterTable) -> set[str]:
             # The kind may have been left out, or the site.
             whole = [group for group in groups if group.endswith(f".{name}")]
             likely = whole[0] if whole else name
-            hint = _nearest(likely, [*groups, *(_short(group) for group in groups if "@" in group)])
+            short = [] if "@" in likely else [_short(group) for group in groups if "@" in group]
+            hint = _nearest(likely, [*groups, *short])
             where.refuse(f"{said} no parameter of this model; {hint}")
         names |= {name} if name.endswith("]") else found
     return names

