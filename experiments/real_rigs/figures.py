@@ -123,10 +123,10 @@ def _levels_part(rows: list[dict]) -> list[str]:
         "",
         f"## {GANTRY}: every PWM level",
         "",
-        "Fitted to runs 1 and 2 (trolley: while the motor is on), run 3 held out. Open loop from the first sample, at",
-        "rest, RMSE over all rows. *15 s* is the published definition, the unlogged stop included, though nothing after",
-        "the motor was switched off took part in the fit; *motor on* ends where the motor is switched off. Hoist runs are",
-        "not cut but for the 15 s. Published: FPA / SGD parameters, mean of three runs, re-simulated.",
+        "Fitted to runs 1 and 2 (trolley: while the motor is on), run 3 held out. Open loop from the first sample,",
+        "at rest, RMSE over all rows. *15 s* is the published definition, the unlogged stop included, though nothing",
+        "after the motor was switched off took part in the fit; *motor on* ends where the motor is switched off. Hoist",
+        "runs are not cut but for the 15 s. Published: FPA / SGD parameters, mean of three runs, re-simulated.",
         f"Held-out run 3 over 15 s beats the better published figure in {beaten} of {len(rows)} rows.",
         "",
         "| row | published 15 s | ours 15 s, run 3 | mean of runs 1-3 | ours motor on, run 3 (runs 1, 2) | until [s] |"
@@ -155,9 +155,7 @@ def friction_picture(found: dict, path: Path) -> None:
         axes.plot(found["knots"], knots["value"], "o-", color=colour, label=f"found by a fit of the map, {name}")
         if knots["low"] is not None:
             axes.fill_between(found["knots"], knots["low"], knots["high"], color=colour, alpha=0.2, linewidth=0)
-        axes.plot(
-            found["x"], found["diagnosed"][key], ":", color=colour, label=f"named by the diagnosis, {name}"
-        )
+        axes.plot(found["x"], found["diagnosed"][key], ":", color=colour, label=f"named by the diagnosis, {name}")
     axes.set_xlabel("cart position x [m]")
     axes.set_ylabel("dry friction of the cart [N]")
     axes.set_title("Cart on a tooth belt (Aalborg): friction by place and direction")
@@ -176,7 +174,9 @@ def gantry_picture(rows: list[dict], path: Path) -> None:
     for axes, (axis, channel) in zip(panels[0], parts, strict=True):
         chosen = [r for r in rows if (r["axis"], r["channel"]) == (axis, channel)]
         at = range(len(chosen))
-        axes.plot(at, [min(r["published"]) for r in chosen], "s--", color="tab:orange", label="published, the better set")
+        axes.plot(
+            at, [min(r["published"]) for r in chosen], "s--", color="tab:orange", label="published, the better set"
+        )
         axes.plot(at, [r["whole_mean"] for r in chosen], ".-", color="tab:cyan", label="ours, mean of runs 1-3")
         axes.plot(at, [r["whole"][2] for r in chosen], "o-", color="tab:blue", label="ours, held-out run 3")
         if axis == "trolley":

@@ -37,6 +37,8 @@ from experiments.real_rigs.friction import levels_by_place  # noqa: E402
 
 RECORDINGS = ROOT.parent / "shared" / "recordings"
 FIGURES = ROOT / "figures"
+KEPT = ("verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "bridge", "settings")
+"""What is kept of a report."""
 POINTS = 400
 """Points kept of each curve of a picture."""
 
@@ -70,6 +72,12 @@ def rounded(value: object) -> object:
     return value
 
 
+def tell(text: str) -> None:
+    """Progress, on a terminal alone."""
+    if sys.stderr.isatty():
+        print(f"  {text}", file=sys.stderr, flush=True)
+
+
 def curves(diagnosis: jbridge.Diagnosis) -> list[dict]:
     """What was measured on each hold-out recording beside both models' free runs."""
     out = []
@@ -97,7 +105,7 @@ def diagnose(case: Case, out: Path) -> dict:
     train = [load(case.rig, piece) for piece in case.train]
     holdout = [load(case.rig, piece) for piece in case.holdout]
     print(f"{case.rig}, {case.name}: {len(train)} recordings, {len(holdout)} held out", file=sys.stderr, flush=True)
-    found = jbridge.diagnose(model, train, holdout)
+    found = jbridge.diagnose(model, train, holdout, progress=tell)
     folder = out / case.rig / case.name.replace(" ", "-")
     jbridge.save_report(folder, found)
     print(jbridge.describe_diagnosis(found, folder), flush=True)
@@ -111,9 +119,7 @@ def diagnose(case: Case, out: Path) -> dict:
         "seconds": round(time.perf_counter() - begun),
         "curves": curves(found),
     }
-    for key in ("verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "bridge", "settings"):
-        row[key] = report[key]
-    return rounded(row)
+    return rounded(row | {key: report[key] for key in KEPT})
 
 
 def errors(model: jbridge.Model, recording: jbridge.Recording) -> dict[str, float]:
@@ -205,13 +211,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rig", choices=RIGS, help="this rig alone")
     parser.add_argument("--limit", type=int, help="at most so many diagnoses, and PWM levels of each axis")
-    parser.add_argument("--out", type=Path, default=Path("out/real_rigs"), help="where reports go (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/real_rigs"), help="where reports go (default: %(default)s)"
+    )
     parser.add_argument("--figures", action="store_true", help="only redraw table and pictures from the kept numbers")
     parser.add_argument("--only", help="only this part: a diagnosis by its name, `levels` or `map`")
     arguments = parser.parse_args()
     if not arguments.figures:
         if not RECORDINGS.is_dir():
-            print("skipped: the recordings of real rigs are not here (looked for ../shared/recordings beside the project)")
+            print("skipped: the recordings of real rigs are not here (looked in ../shared/recordings from the project)")
             return
         jbridge.set_up()
         work(arguments.rig, arguments.limit, arguments.out, arguments.only)

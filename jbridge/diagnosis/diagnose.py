@@ -1,50 +1,32 @@
 """`diagnose`: what a model lacks, from recordings, and the proof on recordings that took no part."""
 
 import dataclasses
-import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError
-from ..identify.base import WINDOW, BaseFit, base_fit, chi, columns_for, measurements
+from ..identify.base import WINDOW, BaseFit, base_fit, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.result import Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
-from ..model.effects.base import AXIS_OF_SITE, SITES
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording
 from .adequacy import LARGE, LEARNABLE, SIGNIFICANT, channels, is_large, significance
-from .candidates import WRONG_VALUE
-from .locate import equation_of, intervals, region
-from .result import Adequacy, Diagnosis, Location, NamedEffect, Rival
+from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
-from .search import EFFECTIVE, Search, State, Trial, accepts, first_state, held
-from .words import effect_sentence, verdict_sentence
+from .search import Search, first_state
+from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
+from .trials import EFFECTIVE, State, Trial, accepts, held
+from .words import verdict_sentence
 
 MOST_EFFECTS = 6
 DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
 """Error over noise below which a further effect is not looked for."""
-HOLDS = 0.1
-"""Least share of the excess over noise that an effect must remove from recordings left out."""
-RIVAL = 0.01
-"""Least probability, relative to the winner's, of an explanation that counts as not told apart."""
-
-
-@dataclasses.dataclass
-class Step:
-    """One acceptance: what was chosen, and from which trials."""
-
-    chosen: Trial
-    trials: list[Trial]
-    before: float
 
 
 def diagnose(
@@ -102,11 +84,11 @@ def diagnose(
         learnable_after = min(learnable_after, LEARNABLE)
     still = alarm and is_large(left) and learnable_after >= LEARNABLE
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still else "unknown")
-    effects = _named(steps, state, setting, table, values) if alarm else ()
-    location = _location(alarm, effects, steps, last, shown, setting)
+    effects = named_of(steps, state, setting, table, values) if alarm else ()
+    location = location_of(alarm, effects, steps, last, shown, setting)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
-        NamedEffect(e.kind, e.site, None, _parameters(e.kind, e.site, values), (), "")
+        NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
         for e in final_plant.effects
         if (e.kind, e.site) in known_in
     )
@@ -129,7 +111,7 @@ def diagnose(
         WINDOW,
         tuple(r.name for r in setting.holdout),
         shown,
-        _trials(steps, last, state),
+        trials_of(steps, last, state),
         None,
         tuple(warnings(table, final_vector, final_free, cov)),
         tuple(dict.fromkeys(notes)),
@@ -283,125 +265,3 @@ def _evaluate(
         evaluate(before, setting, setting.holdout, width, like),
         evaluate(after, setting, setting.holdout, width_after, like),
     )
-
-
-def _weights(step: Step) -> dict[tuple[str, str], float]:
-    """Probability of every explanation of a step."""
-    scores = np.array([t.score for t in step.trials])
-    odds = np.exp(-0.5 * (scores - scores.min()))
-    return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.trials, odds, strict=True)}
-
-
-def _named(
-    steps: list[Step], state: State, setting: Setting, table: ParameterTable, values: dict[str, Estimate]
-) -> tuple[NamedEffect, ...]:
-    out = []
-    for step in steps:
-        kind, site = step.chosen.candidate.name
-        weights = _weights(step)
-        own = weights[(kind, site)]
-        parameters = {"value": values[site]} if kind == WRONG_VALUE else _parameters(kind, site, values)
-        rivals: list[Rival] = []
-        for trial in step.trials:
-            name = trial.candidate.name
-            if name == (kind, site) or weights[name] < RIVAL * own or len(rivals) == 3:
-                continue
-            rivals.append(_rival(trial, weights[name], setting))
-        out.append(
-            NamedEffect(kind, site, own, parameters, tuple(rivals), effect_sentence(kind, site, parameters, rivals))
-        )
-    return tuple(out)
-
-
-def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
-    kind, site = trial.candidate.name
-    table = ParameterTable(trial.plant, setting.units)
-    vector = np.array(table.ravel(trial.plant))
-    width = columns_for(len(trial.free))
-    gram = trial.engine.gram(trial.vector[None], trial.free[None], trial.initial[None], trial.batch, columns=width)
-    cov = covariance(gram.products[0], gram.predicted[0], len(trial.free), width, trial.initial, trial.batch)
-    names = [trial.engine.table.entry(int(p)).name for p in trial.free]
-    free = np.array([table.positions(name)[0] for name in names])
-    values = estimates(table, vector, free, cov)
-    parameters = {"value": values[site]} if kind == WRONG_VALUE else _parameters(kind, site, values)
-    run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None))
-    return Rival(kind, site, probability, parameters, run.errors.free_run)
-
-
-def _parameters(kind: str, site: str, values: dict[str, Estimate]) -> dict[str, Estimate]:
-    prefix = f"{kind}@{site}."
-    return {name.removeprefix(prefix): e for name, e in values.items() if name.startswith(prefix)}
-
-
-def _location(
-    alarm: bool,
-    effects: tuple[NamedEffect, ...],
-    steps: list[Step],
-    last: tuple[Screen | None, list[Trial]],
-    shown: Sequence[Any],
-    setting: Setting,
-) -> Location:
-    if not alarm:
-        return Location(None, "none", {}, (), ())
-    sites: dict[str, float] = {}
-    if steps:
-        for (kind, site), weight in _weights(steps[0]).items():
-            place = site if kind != WRONG_VALUE else _site_of_number(site)
-            sites[place] = sites.get(place, 0.0) + weight
-    else:
-        screened = last[0]
-        ranked = [] if screened is None else screened.ranked
-        least = min((r.cost for r in ranked), default=1.0)
-        for r in ranked:
-            place = r.candidate.site if r.candidate.kind != WRONG_VALUE else _site_of_number(r.candidate.site)
-            odds = math.exp(-0.5 * EFFECTIVE * math.log(max(r.cost, 1e-9) / max(least, 1e-9)))
-            sites[place] = max(sites.get(place, 0.0), odds)
-        total = sum(sites.values())
-        sites = {place: value / total for place, value in sites.items()} if total > 0 else {}
-    sites = dict(sorted(sites.items(), key=lambda item: -item[1]))
-    sites = {site: value for site, value in sites.items() if value > 1e-4}
-    at: str | None = next(iter(sites), None)
-    if effects:
-        at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
-    axis = AXIS_OF_SITE[at] if at is not None else None
-    train = [trace for trace in shown if trace.role == "train"]
-    where = region(train, axis) if axis is not None else ()
-    when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
-    return Location(at, equation_of(axis), sites, where, when)
-
-
-def _site_of_number(name: str) -> str:
-    """The site that a wrong number of the bridge belongs to."""
-    return {"cart_mass": "cart", "load_mass": "swing", "winch_mass": "hoist"}.get(name, "cart")
-
-
-def _trials(steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State) -> tuple[dict[str, object], ...]:
-    rows = []
-    for number, step in enumerate(steps, start=1):
-        for trial in step.trials:
-            rows.append(
-                {
-                    "round": number,
-                    "kind": trial.candidate.kind,
-                    "site": trial.candidate.site,
-                    "ratio": chi(trial.cost, trial.batch),
-                    "cross_validated": chi(trial.cross_validated, trial.batch),
-                    "accepted": trial is step.chosen,
-                    "why": "" if trial is step.chosen else "explains less",
-                }
-            )
-    shown = {id(t) for step in steps for t in step.trials}
-    for trial in last[1]:
-        if id(trial) not in shown:
-            rows.append(
-                {
-                    "round": len(steps) + 1,
-                    "kind": trial.candidate.kind,
-                    "site": trial.candidate.site,
-                    "ratio": chi(trial.cost, trial.batch),
-                    "cross_validated": chi(trial.cross_validated, trial.batch),
-                    "accepted": False,
-                    "why": accepts(state, trial, HOLDS) or "explains less",
-                }
-            )
-    return tuple(rows)

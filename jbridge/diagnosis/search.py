@@ -8,18 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import WINDOW, chi, columns_for, measurements
+from ..identify.base import WINDOW, columns_for
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
-from ..identify.solve import Fits, reduce, solve
-from ..identify.uncertainty import inverse_normal
+from ..identify.solve import Fits, solve
 from ..model.effects.base import AXIS_OF_SITE
 from ..model.effects.catalogue import UNNAMED, make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates
+from .levels import anchored, settle_levels
 from .screen import Screen, Screened, screen
+from .trials import State, Trial, cross_validated, folds, significance_of, transfer
 
 REFITS = 5
 """Most candidates that are refitted at a time."""
@@ -27,106 +28,8 @@ _ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
 _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
-EFFECTIVE = 1000.0
-"""Effective number of independent samples, for weighing costs against parameters."""
 _PROMISING = 0.8
 """Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
-_GAIN = 0.03
-"""Least share of the cost that an acceptance must bring, in cross-validation too."""
-
-
-@dataclasses.dataclass
-class Trial:
-    """One refitted explanation."""
-
-    candidate: Candidate
-    plant: Plant
-    known: frozenset[str]
-    engine: Engine
-    batch: Batch
-    vector: NDArray[np.float64]
-    free: NDArray[np.int64]
-    initial: NDArray[np.float64]
-    cost: float
-    cross_validated: float
-    z: float
-    """Distance of its strongest parameter from its null value, in standard deviations."""
-    extra: int
-    """Number of its parameters."""
-
-    @property
-    def score(self) -> float:
-        """Bayesian information criterion with an effective sample size; smaller is better."""
-        return EFFECTIVE * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(EFFECTIVE))
-
-
-@dataclasses.dataclass
-class State:
-    """The model so far, fitted."""
-
-    plant: Plant
-    known: frozenset[str]
-    engine: Engine
-    batch: Batch
-    vector: NDArray[np.float64]
-    free: NDArray[np.int64]
-    initial: NDArray[np.float64]
-    cost: float
-    cross_validated: float
-    accepted: tuple[Candidate, ...] = ()
-
-    @property
-    def chi(self) -> float:
-        return chi(self.cost, self.batch)
-
-
-def transfer(
-    source: ParameterTable, vector: NDArray[np.float64], target: ParameterTable, into: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Values of one table's parameters put into another's vector, by name."""
-    into = into.copy()
-    names = set(target.names())
-    for name in source.names():
-        if name in names:
-            into[target.positions(name)] = vector[source.positions(name)]
-    for group, place in source.options().items():
-        if group in target.options():
-            into[target.option_place(group)] = vector[place]
-    return into
-
-
-def cross_validated(
-    products: NDArray[np.float64],
-    count: int,
-    columns: int,
-    initial: NDArray[np.float64],
-    batch: Batch,
-    groups: NDArray[np.int64],
-) -> float:
-    """Cost of each recording under the parameters that the others give, from one Gauss-Newton step.
-
-    At an optimum, leaving a recording out moves the parameters by a small step, which the Gram matrices at hand give
-    without a further simulation.
-    """
-    reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
-    total = 0.0
-    for r in np.unique(groups[groups >= 0]):
-        inside = groups == r
-        matrix = reduced.by_lane[~inside].sum(axis=0)
-        gradient = reduced.gradient_by_lane[~inside].sum(axis=0)
-        scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
-        scaled = matrix / np.outer(scale, scale)
-        step = -np.linalg.solve(scaled + 1e-7 * np.eye(count), gradient / scale) / scale if count else np.zeros(0)
-        own = products[inside, -1, -1].sum()
-        change = 2 * reduced.gradient_by_lane[inside].sum(0) @ step + step @ reduced.by_lane[inside].sum(0) @ step
-        # A step that leaves the region where the model is linear says only that the parameter is not determined.
-        total += own + float(np.clip(change, -0.5 * own, 3.0 * own))
-    return total
-
-
-def _folds(batch: Batch) -> NDArray[np.int64]:
-    """Recordings to leave out in turn; the lanes themselves where there is only one recording."""
-    return batch.recording if batch.recording.max() > 0 else np.where(batch.recording < 0, -1, np.arange(batch.count))
 
 
 def first_state(
@@ -135,7 +38,7 @@ def first_state(
     """The base fit as the search's starting point."""
     free = fits.free[0]
     columns = columns_for(len(free))
-    cv = cross_validated(fits.gram.products[0], len(free), columns, fits.initial[0], batch, _folds(batch))
+    cv = cross_validated(fits.gram.products[0], len(free), columns, fits.initial[0], batch, folds(batch))
     return State(
         engine.table.unravel(fits.vectors[0]),
         known,
@@ -311,11 +214,11 @@ class Search:
     ) -> Trial:
         free = fits.free[k]
         products = fits.gram.products[k]
-        cv = cross_validated(products, len(free), width, fits.initial[k], batch, _folds(batch))
+        cv = cross_validated(products, len(free), width, fits.initial[k], batch, folds(batch))
         known = state.known - ({candidate.site} if candidate.kind == WRONG_VALUE else set())
         plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
         cost = float(fits.cost[k])
-        z = _significance(products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
+        z = significance_of(products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
         return Trial(
             candidate,
             plant,
@@ -349,7 +252,7 @@ class Search:
         initial[:, :6] = near[:, :6]
         width = columns_for(len(free))
         fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
-        cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, _folds(batch))
+        cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch))
         return State(
             engine.table.unravel(fits.vectors[0]),
             known,
@@ -364,47 +267,6 @@ class Search:
         )
 
 
-_ADDED_LEVELS = {
-    "direction_dependent_friction": ("positive", "negative"),
-    "position_dependent_friction": ("levels",),
-    "position_direction_friction": ("positive", "negative"),
-    "stribeck_friction": ("level",),
-}
-"""Levels of which, beside a Coulomb friction, the smallest stands at zero."""
-
-
-def anchored(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Places of the levels that stay at zero because a Coulomb friction on the same axis takes the common part."""
-    held = []
-    for kind, keys in _ADDED_LEVELS.items():
-        for site in ("cart", "swing", "hoist"):
-            try:
-                places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]
-                table.positions(f"coulomb_friction@{site}.level")
-            except KeyError:
-                continue
-            held.append(places[int(np.argmin(vector[places]))])
-    return np.array(held, np.int64)
-
-
-def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Moves what an added friction has in common with the axis' Coulomb friction to the latter."""
-    vector = vector.copy()
-    for kind, keys in _ADDED_LEVELS.items():
-        for site in ("cart", "swing", "hoist"):
-            try:
-                places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]
-                plain = table.positions(f"coulomb_friction@{site}.level")
-            except KeyError:
-                continue
-            common = float(vector[places].min())
-            if kind == "stribeck_friction":
-                places = [*places, *table.positions(f"{kind}@{site}.breakaway")]
-            vector[places] -= common
-            vector[plain] += common
-    return vector
-
-
 def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]) -> Plant:
     """The state's plant with the candidate's effect, all at the refitted values."""
     fitted = table.unravel(vector)
@@ -415,28 +277,6 @@ def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, v
     plant = Plant(fitted.bridge, effects)
     own = ParameterTable(plant)
     return own.unravel(settle_levels(own, np.array(own.ravel(plant))))
-
-
-def _significance(
-    products: NDArray[np.float64],
-    free: NDArray[np.int64],
-    width: int,
-    initial: NDArray[np.float64],
-    batch: Batch,
-    vector: NDArray[np.float64],
-    base: int,
-    cost: float,
-    table: ParameterTable,
-) -> float:
-    """How far the candidate's strongest parameter stands from its null value, in standard deviations."""
-    reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
-    covariance = inverse_normal(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
-    best = 0.0
-    for j in range(base, len(free)):
-        info = table.entry(int(free[j])).info
-        std = float(np.sqrt(max(covariance[j, j], 1e-300)))
-        best = max(best, abs(vector[free[j]] - info.null) / std)
-    return best
 
 
 def _merged(first: Sequence[Screened], second: Sequence[Screened]) -> list[Screened]:
@@ -486,26 +326,3 @@ class _Contest:
     engine: Engine
     vector: NDArray[np.float64]
     free: NDArray[np.int64]
-
-
-def held(state: State, trial: Trial) -> float:
-    """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
-    floor = float(measurements(trial.batch))
-    return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
-
-
-def accepts(state: State, trial: Trial, least: float) -> str:
-    """Empty if the trial passes; otherwise why it does not.
-
-    Args:
-        state: the model so far.
-        trial: what is tried.
-        least: least share of the excess that must hold on recordings left out.
-    """
-    if not trial.cost < state.cost * (1 - _GAIN):
-        return "gains too little"
-    if held(state, trial) < least:
-        return "does not hold on recordings left out"
-    if trial.z < 4.0:
-        return "its interval includes its absence"
-    return ""

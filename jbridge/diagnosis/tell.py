@@ -1,0 +1,160 @@
+"""From the search's steps to what the report tells: named effects with rivals, the place, and every trial."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..identify.base import chi, columns_for
+from ..identify.evaluate import evaluate
+from ..identify.result import Estimate
+from ..identify.setting import Setting
+from ..identify.uncertainty import covariance, estimates
+from ..model.effects.base import AXIS_OF_SITE, SITES
+from ..model.parameters import ParameterTable
+from .candidates import WRONG_VALUE
+from .locate import equation_of, intervals, region
+from .result import Location, NamedEffect, Rival
+from .screen import Screen
+from .trials import EFFECTIVE, State, Trial, accepts
+from .words import effect_sentence
+
+RIVAL = 0.01
+"""Least probability, relative to the winner's, of an explanation that counts as not told apart."""
+HOLDS = 0.1
+"""Least share of the excess over noise that an effect must remove from recordings left out."""
+
+
+@dataclasses.dataclass
+class Step:
+    """One acceptance: what was chosen, and from which trials."""
+
+    chosen: Trial
+    trials: list[Trial]
+    before: float
+
+
+def _weights(step: Step) -> dict[tuple[str, str], float]:
+    """Probability of every explanation of a step."""
+    scores = np.array([t.score for t in step.trials])
+    odds = np.exp(-0.5 * (scores - scores.min()))
+    return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.trials, odds, strict=True)}
+
+
+def named_of(
+    steps: list[Step], state: State, setting: Setting, table: ParameterTable, values: dict[str, Estimate]
+) -> tuple[NamedEffect, ...]:
+    out = []
+    for step in steps:
+        kind, site = step.chosen.candidate.name
+        weights = _weights(step)
+        own = weights[(kind, site)]
+        parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
+        rivals: list[Rival] = []
+        for trial in step.trials:
+            name = trial.candidate.name
+            if name == (kind, site) or weights[name] < RIVAL * own or len(rivals) == 3:
+                continue
+            rivals.append(_rival(trial, weights[name], setting))
+        out.append(
+            NamedEffect(kind, site, own, parameters, tuple(rivals), effect_sentence(kind, site, parameters, rivals))
+        )
+    return tuple(out)
+
+
+def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
+    kind, site = trial.candidate.name
+    table = ParameterTable(trial.plant, setting.units)
+    vector = np.array(table.ravel(trial.plant))
+    width = columns_for(len(trial.free))
+    gram = trial.engine.gram(trial.vector[None], trial.free[None], trial.initial[None], trial.batch, columns=width)
+    cov = covariance(gram.products[0], gram.predicted[0], len(trial.free), width, trial.initial, trial.batch)
+    names = [trial.engine.table.entry(int(p)).name for p in trial.free]
+    free = np.array([table.positions(name)[0] for name in names])
+    values = estimates(table, vector, free, cov)
+    parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
+    run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None))
+    return Rival(kind, site, probability, parameters, run.errors.free_run)
+
+
+def parameters_of(kind: str, site: str, values: dict[str, Estimate]) -> dict[str, Estimate]:
+    prefix = f"{kind}@{site}."
+    return {name.removeprefix(prefix): e for name, e in values.items() if name.startswith(prefix)}
+
+
+def location_of(
+    alarm: bool,
+    effects: tuple[NamedEffect, ...],
+    steps: list[Step],
+    last: tuple[Screen | None, list[Trial]],
+    shown: Sequence[Any],
+    setting: Setting,
+) -> Location:
+    if not alarm:
+        return Location(None, "none", {}, (), ())
+    sites: dict[str, float] = {}
+    if steps:
+        for (kind, site), weight in _weights(steps[0]).items():
+            place = site if kind != WRONG_VALUE else _site_of_number(site)
+            sites[place] = sites.get(place, 0.0) + weight
+    else:
+        screened = last[0]
+        ranked = [] if screened is None else screened.ranked
+        least = min((r.cost for r in ranked), default=1.0)
+        for r in ranked:
+            place = r.candidate.site if r.candidate.kind != WRONG_VALUE else _site_of_number(r.candidate.site)
+            odds = math.exp(-0.5 * EFFECTIVE * math.log(max(r.cost, 1e-9) / max(least, 1e-9)))
+            sites[place] = max(sites.get(place, 0.0), odds)
+        total = sum(sites.values())
+        sites = {place: value / total for place, value in sites.items()} if total > 0 else {}
+    sites = dict(sorted(sites.items(), key=lambda item: -item[1]))
+    sites = {site: value for site, value in sites.items() if value > 1e-4}
+    at: str | None = next(iter(sites), None)
+    if effects:
+        at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
+    axis = AXIS_OF_SITE[at] if at is not None else None
+    train = [trace for trace in shown if trace.role == "train"]
+    where = region(train, axis) if axis is not None else ()
+    when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
+    return Location(at, equation_of(axis), sites, where, when)
+
+
+def _site_of_number(name: str) -> str:
+    """The site that a wrong number of the bridge belongs to."""
+    return {"cart_mass": "cart", "load_mass": "swing", "winch_mass": "hoist"}.get(name, "cart")
+
+
+def trials_of(
+    steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State
+) -> tuple[dict[str, object], ...]:
+    rows = []
+    for number, step in enumerate(steps, start=1):
+        for trial in step.trials:
+            rows.append(
+                {
+                    "round": number,
+                    "kind": trial.candidate.kind,
+                    "site": trial.candidate.site,
+                    "ratio": chi(trial.cost, trial.batch),
+                    "cross_validated": chi(trial.cross_validated, trial.batch),
+                    "accepted": trial is step.chosen,
+                    "why": "" if trial is step.chosen else "explains less",
+                }
+            )
+    shown = {id(t) for step in steps for t in step.trials}
+    for trial in last[1]:
+        if id(trial) not in shown:
+            rows.append(
+                {
+                    "round": len(steps) + 1,
+                    "kind": trial.candidate.kind,
+                    "site": trial.candidate.site,
+                    "ratio": chi(trial.cost, trial.batch),
+                    "cross_validated": chi(trial.cross_validated, trial.batch),
+                    "accepted": False,
+                    "why": accepts(state, trial, HOLDS) or "explains less",
+                }
+            )
+    return tuple(rows)

@@ -1,0 +1,161 @@
+"""Refitted explanations: what one reaches, how it is weighed, and when it is accepted."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.base import chi, measurements
+from ..identify.lanes import Batch
+from ..identify.linearise import Engine
+from ..identify.solve import reduce
+from ..identify.uncertainty import inverse_normal
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from .candidates import Candidate
+
+EFFECTIVE = 1000.0
+"""Effective number of independent samples, for weighing costs against parameters."""
+_GAIN = 0.03
+"""Least share of the cost that an acceptance must bring."""
+_SIGNIFICANT = 4.0
+"""Least distance of a parameter from its null value, in standard deviations."""
+
+
+@dataclasses.dataclass
+class Trial:
+    """One refitted explanation."""
+
+    candidate: Candidate
+    plant: Plant
+    known: frozenset[str]
+    engine: Engine
+    batch: Batch
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    initial: NDArray[np.float64]
+    cost: float
+    cross_validated: float
+    z: float
+    """Distance of its strongest parameter from its null value, in standard deviations."""
+    extra: int
+    """Number of its parameters."""
+
+    @property
+    def score(self) -> float:
+        """Bayesian information criterion with an effective sample size; smaller is better."""
+        return EFFECTIVE * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(EFFECTIVE))
+
+
+@dataclasses.dataclass
+class State:
+    """The model so far, fitted."""
+
+    plant: Plant
+    known: frozenset[str]
+    engine: Engine
+    batch: Batch
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    initial: NDArray[np.float64]
+    cost: float
+    cross_validated: float
+    accepted: tuple[Candidate, ...] = ()
+
+    @property
+    def chi(self) -> float:
+        return chi(self.cost, self.batch)
+
+
+def transfer(
+    source: ParameterTable, vector: NDArray[np.float64], target: ParameterTable, into: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Values of one table's parameters put into another's vector, by name."""
+    into = into.copy()
+    names = set(target.names())
+    for name in source.names():
+        if name in names:
+            into[target.positions(name)] = vector[source.positions(name)]
+    for group, place in source.options().items():
+        if group in target.options():
+            into[target.option_place(group)] = vector[place]
+    return into
+
+
+def cross_validated(
+    products: NDArray[np.float64],
+    count: int,
+    columns: int,
+    initial: NDArray[np.float64],
+    batch: Batch,
+    groups: NDArray[np.int64],
+) -> float:
+    """Cost of each recording under the parameters that the others give, from one Gauss-Newton step.
+
+    At an optimum, leaving a recording out moves the parameters by a small step, which the Gram matrices at hand give
+    without a further simulation.
+    """
+    reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
+    total = 0.0
+    for r in np.unique(groups[groups >= 0]):
+        inside = groups == r
+        matrix = reduced.by_lane[~inside].sum(axis=0)
+        gradient = reduced.gradient_by_lane[~inside].sum(axis=0)
+        scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+        scaled = matrix / np.outer(scale, scale)
+        step = -np.linalg.solve(scaled + 1e-7 * np.eye(count), gradient / scale) / scale if count else np.zeros(0)
+        own = products[inside, -1, -1].sum()
+        change = 2 * reduced.gradient_by_lane[inside].sum(0) @ step + step @ reduced.by_lane[inside].sum(0) @ step
+        # A step that leaves the region where the model is linear says only that the parameter is not determined.
+        total += own + float(np.clip(change, -0.5 * own, 3.0 * own))
+    return total
+
+
+def folds(batch: Batch) -> NDArray[np.int64]:
+    """Recordings to leave out in turn; the lanes themselves where there is only one recording."""
+    return batch.recording if batch.recording.max() > 0 else np.where(batch.recording < 0, -1, np.arange(batch.count))
+
+
+def significance_of(
+    products: NDArray[np.float64],
+    free: NDArray[np.int64],
+    width: int,
+    initial: NDArray[np.float64],
+    batch: Batch,
+    vector: NDArray[np.float64],
+    base: int,
+    cost: float,
+    table: ParameterTable,
+) -> float:
+    """How far the candidate's strongest parameter stands from its null value, in standard deviations."""
+    reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
+    covariance = inverse_normal(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
+    best = 0.0
+    for j in range(base, len(free)):
+        info = table.entry(int(free[j])).info
+        std = float(np.sqrt(max(covariance[j, j], 1e-300)))
+        best = max(best, abs(vector[free[j]] - info.null) / std)
+    return best
+
+
+def held(state: State, trial: Trial) -> float:
+    """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
+    floor = float(measurements(trial.batch))
+    return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
+
+
+def accepts(state: State, trial: Trial, least: float) -> str:
+    """Empty if the trial passes; otherwise why it does not.
+
+    Args:
+        state: the model so far.
+        trial: what is tried.
+        least: least share of the excess that must hold on recordings left out.
+    """
+    if not trial.cost < state.cost * (1 - _GAIN):
+        return "gains too little"
+    if held(state, trial) < least:
+        return "does not hold on recordings left out"
+    if trial.z < _SIGNIFICANT:
+        return "its interval includes its absence"
+    return ""

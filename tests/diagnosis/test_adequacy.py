@@ -1,0 +1,70 @@
+"""Is what remains noise? White residuals pass, drifting ones do not, and recordings' gaps do not matter."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.adequacy import LARGE, SIGNIFICANT, channels, is_large, significance
+from jbridge.identify.lanes import make_batch
+from tests.identify.cases import NOISE, make_recording
+
+TIMES = np.arange(1200) * 0.01
+
+
+@pytest.fixture(scope="module")
+def batch():
+    runs = [make_recording(f"{i}.csv", TIMES, u_x=np.sin(TIMES + i), x=np.zeros(len(TIMES))) for i in range(3)]
+    return make_batch(runs, NOISE)
+
+
+def predicted(batch, error):
+    """Readings that miss the measurements by an error, given by recording and sample."""
+    y = np.zeros(batch.lanes.y.shape)
+    for lane, row in zip(np.flatnonzero(batch.recording >= 0), error, strict=True):
+        y[lane, : len(row), 0] = row
+    return y
+
+
+def white(seed):
+    return NOISE["x"] * np.random.default_rng(seed).standard_normal((3, len(TIMES)))
+
+
+def test_white_residuals_are_rarely_significant(batch):
+    found = [significance(batch, predicted(batch, white(seed))) for seed in range(20)]
+    # Under the null the chance of one among twenty at 0.01 is a fifth, of two one in sixty.
+    assert sum(p <= SIGNIFICANT for p in found) <= 1
+    assert 0.2 < np.mean(found) < 0.8
+
+
+def test_a_slow_error_is_significant(batch):
+    drift = NOISE["x"] * np.sin(2 * np.pi * TIMES / 5.0)
+    assert significance(batch, predicted(batch, white(0) + drift)) <= SIGNIFICANT
+
+
+def test_an_error_that_noise_hides_is_not(batch):
+    drift = 0.02 * NOISE["x"] * np.sin(2 * np.pi * TIMES / 5.0)
+    assert significance(batch, predicted(batch, white(0) + drift)) > SIGNIFICANT
+
+
+def test_the_same_residuals_give_the_same_answer(batch):
+    assert significance(batch, predicted(batch, white(3))) == significance(batch, predicted(batch, white(3)))
+
+
+def test_channels_and_their_size(batch):
+    found = channels(batch, predicted(batch, np.full((3, len(TIMES)), 3 * NOISE["x"])), {"x": NOISE["x"]})
+    assert set(found) == {"x"} and found["x"].ratio == pytest.approx(3.0)
+    assert is_large(found)
+    small = channels(batch, predicted(batch, np.full((3, len(TIMES)), 0.99 * LARGE * NOISE["x"])), {"x": NOISE["x"]})
+    assert not is_large(small)
+
+
+def test_what_was_not_measured_does_not_count(batch):
+    weight = np.array(batch.lanes.weight)
+    weight[:, 100:] = 0.0
+    lanes = replace(batch.lanes, weight=jnp.asarray(weight))
+    error = np.zeros((3, len(TIMES)))
+    error[:, 100:] = 1.0
+    found = channels(replace(batch, lanes=lanes), predicted(batch, error), {"x": NOISE["x"]})
+    assert found["x"].rmse == 0.0

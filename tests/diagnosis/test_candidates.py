@@ -1,0 +1,98 @@
+"""Candidates: everything that the recordings have the parts for, and nothing that cannot be seen."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.candidates import WRONG_VALUE, Candidate, candidates
+from jbridge.identify.setting import Setting, scene_of
+from jbridge.model.effects.base import AXIS_OF_SITE
+from jbridge.model.effects.catalogue import CATALOGUE, make_effect
+from jbridge.model.parameters import ParameterTable
+from jbridge.model.plant import Plant
+from tests.identify.cases import NOISE, make_recording
+from tests.problems import make_plant
+
+KNOWN = frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"})
+TIMES = np.arange(400) * 0.01
+FULL = {
+    "u_x": np.sin(3 * TIMES),
+    "u_l": np.cos(2 * TIMES),
+    "x": 0.5 + 0.2 * np.sin(TIMES),
+    "psi": 0.1 * np.sin(4 * TIMES),
+    "l": 0.6 + 0.1 * np.cos(TIMES),
+}
+
+
+def setting_of(*channels: str) -> Setting:
+    run = make_recording("run.csv", TIMES, **{key: FULL[key] for key in channels})
+    axes = tuple(a for a, there in zip("x psi l".split(), (run.has_cart, run.has_swing, run.has_hoist), strict=True) if there)
+    noise = {axis: NOISE[axis] for axis in ("x", "psi", "l") if axis in channels}
+    return Setting((run,), (), noise, axes, run.units, 0.6)
+
+
+def found_for(setting: Setting, plant: Plant) -> list[Candidate]:
+    return candidates(plant, KNOWN, setting, scene_of(setting, plant))
+
+
+def test_a_whole_bridge_has_a_candidate_for_every_kind_and_site():
+    names = {c.name for c in found_for(setting_of(*FULL), make_plant())}
+    wanted = {(kind, site) for kind, cls in CATALOGUE.items() for site in cls.sites}
+    assert names == wanted | {(WRONG_VALUE, number) for number in ("cart_mass", "load_mass", "winch_mass")}
+
+
+@pytest.mark.parametrize(
+    ("channels", "axes"),
+    [
+        (("u_x", "x"), {"x"}),
+        (("u_x", "x", "psi"), {"x", "psi"}),
+        (("psi",), {"psi"}),
+    ],
+    ids=["cart", "locked rope", "pendulum"],
+)
+def test_parts_that_are_absent_have_none(channels, axes):
+    found = found_for(setting_of(*channels), make_plant())
+    effects = {c.name for c in found if c.kind != WRONG_VALUE}
+    assert {AXIS_OF_SITE[site] for _, site in effects} - {"l"} == axes
+    # Of the hoist only the length's sensor stays: on a locked rope it tells another length.
+    assert {site for _, site in effects if AXIS_OF_SITE[site] == "l"} == ({"l_sensor"} if "psi" in axes else set())
+    numbers = {c.site for c in found if c.kind == WRONG_VALUE}
+    assert numbers == {n for n, a in (("cart_mass", "x"), ("load_mass", "psi"), ("winch_mass", "l")) if a in axes}
+
+
+def test_what_the_model_has_is_no_candidate():
+    plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.2}))
+    names = {c.name for c in found_for(setting_of(*FULL), plant)}
+    assert ("coulomb_friction", "cart") not in names and ("dead_zone", "cart_drive") not in names
+    assert ("coulomb_friction", "hoist") in names and ("dead_zone", "hoist_drive") in names
+
+
+def test_a_bridge_has_one_drive_train():
+    belt = make_effect("belt_compliance", "cart", {"stiffness": 2e4, "damping": 20.0, "motor_mass": 2.0})
+    names = {c.kind for c in found_for(setting_of(*FULL), make_plant(belt))}
+    assert not names & {"belt_compliance", "backlash"}
+
+
+def test_numbers_that_are_not_known_are_no_rivals():
+    setting, plant = setting_of(*FULL), make_plant()
+    found = candidates(plant, frozenset({"gravity", "load_mass"}), setting, scene_of(setting, plant))
+    assert {c.site for c in found if c.kind == WRONG_VALUE} == {"load_mass"}
+
+
+@pytest.mark.parametrize("candidate", found_for(setting_of(*FULL), make_plant()), ids=lambda c: "-".join(c.name))
+def test_a_candidate_can_be_put_into_a_model(candidate):
+    if candidate.kind == WRONG_VALUE:
+        table = ParameterTable(make_plant())
+        assert table.entry(int(candidate.places(table)[0])).name == candidate.site
+        return
+    own = {key: value for key, value in candidate.values.items() if key != "coulomb"}
+    effect = make_effect(candidate.kind, candidate.site, own)
+    plant = make_plant(effect)
+    table = ParameterTable(plant)
+    places = candidate.places(table)
+    assert len(places) and table.fitted()[places].all()
+    null = np.array(table.ravel(make_plant(make_effect(candidate.kind, candidate.site, own))))
+    vector = candidate.set(table, null)
+    np.testing.assert_allclose(vector, null)
+    # Seeds start within the bounds of physics.
+    low, high = table.bounds()
+    assert np.all(vector[places] >= low[places]) and np.all(vector[places] <= high[places])

@@ -1,0 +1,91 @@
+"""A whole diagnosis of a cart: an effect that is missing, none that is, and the same answer twice."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jbridge import diagnose
+from jbridge.diagnosis.diagnose import _split
+from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled
+from tests.problems import make_plant
+
+DRAG = 60.0
+"""Drag [N s^2/m^2] that takes half of the force at the highest speed."""
+START = {"cart_damping": 0.9, "cart_gain": 1.1, "coulomb_friction@cart.level": 0.9}
+
+
+def model():
+    return scaled(cart_model(DRY, cart_damping=30.0, cart_gain=16.0), START)
+
+
+def rig(*more):
+    return cart_recordings(make_plant(DRY, *more, cart_damping=30.0, cart_gain=16.0), 4, seed=3)
+
+
+@pytest.fixture(scope="module")
+def missing():
+    runs = rig(("quadratic_drag", "cart", {"coefficient": DRAG}))
+    return diagnose(model(), runs[:3], runs[3:])
+
+
+def test_missing_physics_is_named_with_its_number(missing):
+    assert missing.verdict == "missing_physics" and missing.adequacy.alarm
+    assert missing.adequacy.p_value <= 0.01 and missing.adequacy.learnable_before >= 0.3
+    (effect,) = missing.effects
+    assert (effect.kind, effect.site) == ("quadratic_drag", "cart")
+    found = effect.parameters["coefficient"]
+    assert found.low <= DRAG <= found.high or abs(found.value - DRAG) < 0.05 * DRAG
+    assert missing.location.site == "cart" and missing.location.equation == "cart"
+    assert sum(missing.location.sites.values()) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_hold_out_proves_it(missing):
+    before, after = missing.holdout_before.free_run["x"], missing.holdout_after.free_run["x"]
+    assert before > 5 * NOISE["x"] and after < 1.5 * NOISE["x"]
+    assert missing.holdout == ("run-4.csv",)
+    assert {t.role for t in missing.traces if t.recording == "run-4.csv"} == {"holdout"}
+
+
+def test_what_was_tried_is_told(missing):
+    assert [row["kind"] for row in missing.trials if row["accepted"]] == ["quadratic_drag"]
+    assert all(row["why"] for row in missing.trials if not row["accepted"])
+    assert len(missing.trials) >= 5
+
+
+def test_the_final_model_has_the_effect(missing):
+    assert [e.kind for e in missing.model.plant.effects] == ["coulomb_friction", "quadratic_drag"]
+    assert [e.kind for e in missing.before.plant.effects] == ["coulomb_friction"]
+    assert [e.kind for e in missing.model_effects] == ["coulomb_friction"]
+
+
+def test_wrong_numbers_alone_raise_no_alarm():
+    runs = rig()
+    found = diagnose(model(), runs[:3], runs[3:])
+    assert found.verdict == "adequate" and not found.adequacy.alarm
+    assert found.effects == () and found.location.site is None and found.location.equation == "none"
+    assert found.holdout_after.free_run["x"] < 1.5 * NOISE["x"]
+    again = diagnose(model(), runs[:3], runs[3:])
+    assert _plain(found) == _plain(again)
+
+
+@pytest.mark.slow
+def test_the_same_call_gives_the_same_report(missing):
+    runs = rig(("quadratic_drag", "cart", {"coefficient": DRAG}))
+    assert _plain(diagnose(model(), runs[:3], runs[3:])) == _plain(missing)
+
+
+def _plain(found):
+    """Everything that a report tells, but for the seconds."""
+    told = dataclasses.replace(found, seconds=0.0, traces=(), model=None, before=None)
+    curves = [[np.nan_to_num(t.after[k]).tolist() for k in t.after] for t in found.traces]
+    return repr(told), curves
+
+
+def test_without_a_hold_out_the_last_quarter_is_one():
+    runs = rig()
+    kept, held, note = _split(runs)
+    assert [r.name for r in held] == ["run-4.csv"] and len(kept) == 3 and "run-4.csv" in note
+    (first,), (last,), note = _split(runs[:1])
+    assert last.times[0] == pytest.approx(4.5, abs=0.02) and first.times[-1] < last.times[0]
+    assert len(first.times) + len(last.times) == len(runs[0].times)

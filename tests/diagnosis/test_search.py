@@ -1,0 +1,100 @@
+"""Parts of the search: numbers that move between models, levels that are counted once, and left-out recordings."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.search import anchored, cross_validated, settle_levels, transfer
+from jbridge.model.parameters import ParameterTable
+from jbridge.rollout import RK4
+from tests.identify.cases import steps
+from tests.problems import CART_ALONE, make_lane, make_plant, make_state, paths, simulate
+
+COULOMB = ("coulomb_friction", "cart", {"level": 3.0})
+ADDED = {
+    "direction_dependent_friction": {"positive": 0.7, "negative": 1.2},
+    "position_dependent_friction": {"knots": [0.4, 0.6, 0.8], "levels": [0.9, 0.4, 1.4]},
+    "position_direction_friction": {"knots": [0.4, 0.6, 0.8], "positive": [0.9, 0.4, 1.4], "negative": [1.0, 0.5, 0.8]},
+    "stribeck_friction": {"level": 0.6, "breakaway": 1.5, "velocity": 0.05},
+}
+
+
+def with_added(kind):
+    plant = make_plant(COULOMB, (kind, "cart", ADDED[kind]))
+    table = ParameterTable(plant)
+    return plant, table, np.array(table.ravel(plant))
+
+
+@pytest.mark.parametrize("kind", ADDED)
+def test_settled_levels_are_the_same_physics(kind):
+    plant, table, vector = with_added(kind)
+    settled = settle_levels(table, vector)
+    lane = make_lane(np.stack([steps(300, 1), np.zeros(300)], axis=1), 0.01, active=CART_ALONE)
+    runs = [
+        paths(simulate(table.unravel(v), make_state(0.6), lane, substeps=4, method=RK4))[0] for v in (vector, settled)
+    ]
+    np.testing.assert_allclose(runs[0], runs[1], atol=1e-12)
+    assert np.ptp(runs[0][:, 0]) > 0.05
+    keys = [k for k in ADDED[kind] if k not in ("knots", "velocity", "breakaway")]
+    least = min(settled[p] for k in keys for p in table.positions(f"{kind}@cart.{k}"))
+    assert least == 0.0
+    # Twice is once.
+    np.testing.assert_allclose(settle_levels(table, settled), settled)
+
+
+@pytest.mark.parametrize("kind", ADDED)
+def test_the_smallest_level_is_held(kind):
+    _, table, vector = with_added(kind)
+    (place,) = anchored(table, settle_levels(table, vector))
+    assert settle_levels(table, vector)[place] == 0.0
+    assert table.entry(int(place)).name.startswith(kind)
+
+
+def test_alone_an_added_friction_keeps_its_levels():
+    plant = make_plant(("direction_dependent_friction", "cart", ADDED["direction_dependent_friction"]))
+    table = ParameterTable(plant)
+    vector = np.array(table.ravel(plant))
+    np.testing.assert_array_equal(settle_levels(table, vector), vector)
+    assert len(anchored(table, vector)) == 0
+
+
+def test_numbers_move_between_models_by_name():
+    source = make_plant(COULOMB, ("end_stop", "cart", {"position": 1.2, "stiffness": 300.0, "damping": 4.0, "end": "low"}), cart_gain=20.0)
+    target = make_plant(
+        ("end_stop", "cart", {"position": 0.0, "stiffness": 1.0, "damping": 0.0}),
+        ("quadratic_drag", "cart", {"coefficient": 7.0}),
+        COULOMB,
+    )
+    a, b = ParameterTable(source), ParameterTable(target)
+    moved = transfer(a, np.array(a.ravel(source)), b, np.array(b.ravel(target)))
+    plant = b.unravel(moved)
+    assert float(plant.bridge.cart_gain) == 20.0
+    assert float(plant.effects[0].position) == 1.2 and float(plant.effects[0].end) == 1.0
+    assert float(plant.effects[1].coefficient) == 7.0
+
+
+class Lanes:
+    """What `cross_validated` wants of a batch."""
+
+    def __init__(self, count, states):
+        self.initial, self.prior = np.zeros((count, states)), np.full((count, states), 1e-3)
+
+
+def test_cross_validation_of_a_linear_model_is_exact():
+    """In a linear model one step from the joint optimum is the optimum without a recording."""
+    key = np.random.default_rng(0)
+    lanes, count, samples = 4, 2, 60
+    design = key.standard_normal((lanes, samples, count))
+    data = design @ [1.0, -2.0] + 0.3 * key.standard_normal((lanes, samples))
+    best = np.linalg.lstsq(design.reshape(-1, count), data.reshape(-1), rcond=None)[0]
+    residual = design @ best - data
+    # One idle initial value, which nothing depends on.
+    table = np.concatenate([design.swapaxes(1, 2), np.zeros((lanes, 1, samples)), residual[:, None]], axis=1)
+    products = table @ table.swapaxes(1, 2)
+    found = cross_validated(products, count, count, np.zeros((lanes, 1)), Lanes(lanes, 1), np.arange(lanes))
+    wanted = 0.0
+    for r in range(lanes):
+        others = np.delete(np.arange(lanes), r)
+        own = np.linalg.lstsq(design[others].reshape(-1, count), data[others].reshape(-1), rcond=None)[0]
+        wanted += float(((design[r] @ own - data[r]) ** 2).sum())
+    assert found == pytest.approx(wanted, rel=1e-5)
+    assert found > float((residual**2).sum())

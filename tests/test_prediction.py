@@ -1,0 +1,130 @@
+"""`simulate`: which parts move, where a run starts, and a cart against its closed form."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jbridge import InputError, load_model, load_recording, simulate
+from tests.problems import NUMBERS, make_lane, make_plant, make_state, measure
+from tests.problems import simulate as engine
+
+BRIDGE = "[bridge]\n" + "".join(f"{key} = {value}\n" for key, value in NUMBERS.items())
+CART = "[bridge]\ncart_mass = 5.5\ncart_damping = 45.0\ncart_gain = 16.0\n"
+ROPE_LOCKED = CART + "load_mass = 0.143\nswing_damping = 0.0015\n"
+TIMES = np.arange(401) * 0.01
+
+
+def volts(times):
+    return np.where(times < 1.0, 2.0, np.where(times < 2.5, -1.5, 0.0))
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Writes a model, a recording and its sidecar; returns both as read."""
+
+    def write(model: str, columns: dict, sidecar: str = ""):
+        (tmp_path / "model.toml").write_text(model)
+        rows = zip(*columns.values(), strict=True)
+        lines = [",".join(columns), *(",".join(repr(float(cell)) for cell in row) for row in rows)]
+        (tmp_path / "run.csv").write_text("\n".join(lines) + "\n")
+        if sidecar:
+            (tmp_path / "run.toml").write_text(sidecar)
+        return load_model(tmp_path / "model.toml"), load_recording(tmp_path / "run.csv", inputs_only=True)
+
+    return write
+
+
+def closed_form(times, start):
+    """`m x'' = K u - R x'` under held steps: each piece is an exponential approach to `K u / R`."""
+    mass, damping, gain = 5.5, 45.0, 16.0
+    x, v, t0 = start, 0.0, 0.0
+    out = np.full_like(times, start)
+    for until, u in ((1.0, 2.0), (2.5, -1.5), (np.inf, 0.0)):
+        limit, rate = gain * u / damping, damping / mass
+        inside = (times >= t0) & (times <= until)
+        since = times[inside] - t0
+        out[inside] = x + limit * since + (v - limit) * (1 - np.exp(-rate * since)) / rate
+        span = until - t0
+        if np.isfinite(span):
+            x += limit * span + (v - limit) * (1 - np.exp(-rate * span)) / rate
+            v = limit + (v - limit) * np.exp(-rate * span)
+            t0 = until
+    return out
+
+
+def test_a_cart_is_its_closed_form(files):
+    model, recording = files(CART, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\n")
+    found = simulate(model, recording)
+    assert list(found) == ["t", "u_x", "x"]
+    np.testing.assert_array_equal(found["t"], recording.times)
+    # Order four with steps of 2.5 ms against a time constant of 0.12 s.
+    np.testing.assert_allclose(found["x"], closed_form(TIMES, 0.3), atol=1e-9)
+
+
+def test_rows_may_be_missing_and_times_need_not_begin_at_0(files):
+    keep = np.ones(len(TIMES), bool)
+    keep[[50, 51, 52, 200, 301]] = False
+    times = TIMES[keep] + 7.25
+    model, recording = files(CART, {"t": times, "u_x": volts(TIMES)[keep]}, "[initial]\nx = 0.3\n")
+    found = simulate(model, recording)
+    np.testing.assert_array_equal(found["t"], times)
+    np.testing.assert_allclose(found["x"], closed_form(TIMES, 0.3)[keep], atol=1e-9)
+
+
+def test_the_parts_of_a_file_of_inputs_are_the_models(files):
+    inputs = {"t": TIMES, "u_x": volts(TIMES), "u_l": 0 * TIMES - 0.4}
+    model, recording = files(BRIDGE, inputs, "[initial]\nx = 0.3\npsi = 0.05\nl = 0.7\n")
+    found = simulate(model, recording)
+    assert list(found) == ["t", "u_x", "u_l", "x", "psi", "l"]
+    assert (found["x"][0], found["psi"][0], found["l"][0]) == (0.3, 0.05, 0.7)
+    lane = make_lane(np.stack([inputs["u_x"], inputs["u_l"]], axis=1)[:-1], 0.01)
+    oracle = engine(make_plant(), make_state(0.3, 0.05, 0.7), lane, substeps=16)
+    # Steps a quarter as long, so a difference of order four in what is left.
+    np.testing.assert_allclose(found["psi"], np.asarray(measure(make_plant(), lane, oracle))[:, 1], atol=1e-7)
+
+
+def test_without_a_hoist_input_the_rope_is_locked(files):
+    model, recording = files(
+        ROPE_LOCKED, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\npsi = 0.0\nl = 0.6\n"
+    )
+    found = simulate(model, recording)
+    np.testing.assert_array_equal(found["l"], 0.6)
+    assert np.ptp(found["psi"]) > 0.01
+
+
+def test_a_recording_says_its_parts_and_where_it_starts(files):
+    columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.4 + 0 * TIMES}
+    model, recording = files(BRIDGE, columns)
+    found = simulate(model, recording)
+    # A cart alone, although the model has a load: the load must not slow it down.
+    assert list(found) == ["t", "u_x", "x"]
+    np.testing.assert_allclose(found["x"], closed_form(TIMES, 0.4), atol=1e-9)
+
+
+def test_what_a_sidecar_sets_holds_for_this_run(files):
+    inputs = {"t": TIMES, "u_x": volts(TIMES)}
+    model, recording = files(CART, inputs, "[initial]\nx = 0.3\n[override]\ncart_gain = 32.0\n")
+    twice = simulate(model, recording)["x"] - 0.3
+    plain = simulate(model, dataclasses.replace(recording, override={}))["x"] - 0.3
+    np.testing.assert_allclose(twice, 2 * plain, atol=1e-9)
+    assert float(model.plant.bridge.cart_gain) == 16.0
+
+
+def test_sensors_are_read(files):
+    sensor = '[[effect]]\nkind = "sensor_offset"\nsite = "x_sensor"\noffset = 0.01\n'
+    model, recording = files(CART + sensor, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\n")
+    np.testing.assert_allclose(simulate(model, recording)["x"], closed_form(TIMES, 0.3) + 0.01, atol=1e-9)
+
+
+def test_a_rope_needs_a_length(files):
+    model, recording = files(ROPE_LOCKED, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\n")
+    with pytest.raises(InputError, match=r"run\.csv: no rope length to start from"):
+        simulate(model, recording)
+
+
+def test_a_part_that_the_model_lacks_is_refused(files):
+    columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.4 + 0 * TIMES, "psi": 0.01 * np.sin(TIMES)}
+    model, recording = files(CART, columns, "[locked]\nl = 0.7\n")
+    with pytest.raises(InputError, match="load_mass"):
+        simulate(model, recording)
