@@ -1,12 +1,15 @@
 """What does the model of this rig lack? The diagnosis on recordings whose missing effect it is not told.
 
     python experiments/demo.py --out out/demo
+    python experiments/demo.py --out out/demo --picture figures/demo.png     the README's picture, too
 
 The recordings lie in experiments/demo_data: `train-*.csv` to find out, `holdout-*.csv` to prove it, and in
-`model.toml` what the rig's owner knows.
+`model.toml` what the rig's owner knows. What was concealed is in `truth.txt`, in base64 so that nobody reads it by
+accident, and `seal.txt` is the SHA-256 of its content: base64 -d experiments/demo_data/truth.txt
 """
 
 import argparse
+import shutil
 import sys
 from pathlib import Path
 
@@ -23,6 +26,7 @@ def main() -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("out/demo"), help="where the report goes (default: %(default)s)"
     )
+    parser.add_argument("--picture", type=Path, help="where to save the figure of the hold-out besides")
     arguments = parser.parse_args()
 
     set_up()
@@ -33,6 +37,9 @@ def main() -> None:
 
     diagnosis = diagnose(model, train, holdout)
     save_report(arguments.out, diagnosis)
+    if arguments.picture is not None:
+        arguments.picture.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(next((arguments.out / "figures").glob("residuals-holdout-*.png")), arguments.picture)
     print(describe_diagnosis(diagnosis, arguments.out), end="")
 
 

@@ -85,9 +85,7 @@ def test_the_parts_of_a_file_of_inputs_are_the_models(files):
 
 
 def test_without_a_hoist_input_the_rope_is_locked(files):
-    model, recording = files(
-        ROPE_LOCKED, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\npsi = 0.0\nl = 0.6\n"
-    )
+    model, recording = files(ROPE_LOCKED, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\npsi = 0.0\nl = 0.6\n")
     found = simulate(model, recording)
     np.testing.assert_array_equal(found["l"], 0.6)
     assert np.ptp(found["psi"]) > 0.01

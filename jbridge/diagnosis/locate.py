@@ -10,7 +10,7 @@ from ..identify.result import Trace
 from .result import Interval, Region
 
 _BINS = 12
-_LOCAL = 0.45
+_LOCAL = 0.25
 """A region counts as local up to this part of what was covered."""
 _SHARE = 0.6
 """Least share of the mismatch inside a region."""

@@ -25,7 +25,8 @@ FULL = {
 
 def setting_of(*channels: str) -> Setting:
     run = make_recording("run.csv", TIMES, **{key: FULL[key] for key in channels})
-    axes = tuple(a for a, there in zip("x psi l".split(), (run.has_cart, run.has_swing, run.has_hoist), strict=True) if there)
+    there = {"x": run.has_cart, "psi": run.has_swing, "l": run.has_hoist}
+    axes = tuple(axis for axis in there if there[axis])
     noise = {axis: NOISE[axis] for axis in ("x", "psi", "l") if axis in channels}
     return Setting((run,), (), noise, axes, run.units, 0.6)
 
@@ -60,7 +61,9 @@ def test_parts_that_are_absent_have_none(channels, axes):
 
 
 def test_what_the_model_has_is_no_candidate():
-    plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.2}))
+    plant = make_plant(
+        ("coulomb_friction", "cart", {"level": 3.0}), ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.2})
+    )
     names = {c.name for c in found_for(setting_of(*FULL), plant)}
     assert ("coulomb_friction", "cart") not in names and ("dead_zone", "cart_drive") not in names
     assert ("coulomb_friction", "hoist") in names and ("dead_zone", "hoist_drive") in names

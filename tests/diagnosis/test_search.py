@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.search import anchored, cross_validated, settle_levels, transfer
+from jbridge.diagnosis.levels import anchored, settle_levels
+from jbridge.diagnosis.trials import cross_validated, transfer
+from jbridge.identify.lanes import make_batch
 from jbridge.model.parameters import ParameterTable
 from jbridge.rollout import RK4
-from tests.identify.cases import steps
+from tests.identify.cases import NOISE, make_recording, steps
 from tests.problems import CART_ALONE, make_lane, make_plant, make_state, paths, simulate
 
 COULOMB = ("coulomb_friction", "cart", {"level": 3.0})
@@ -58,7 +60,11 @@ def test_alone_an_added_friction_keeps_its_levels():
 
 
 def test_numbers_move_between_models_by_name():
-    source = make_plant(COULOMB, ("end_stop", "cart", {"position": 1.2, "stiffness": 300.0, "damping": 4.0, "end": "low"}), cart_gain=20.0)
+    source = make_plant(
+        COULOMB,
+        ("end_stop", "cart", {"position": 1.2, "stiffness": 300.0, "damping": 4.0, "end": "low"}),
+        cart_gain=20.0,
+    )
     target = make_plant(
         ("end_stop", "cart", {"position": 0.0, "stiffness": 1.0, "damping": 0.0}),
         ("quadratic_drag", "cart", {"coefficient": 7.0}),
@@ -72,13 +78,6 @@ def test_numbers_move_between_models_by_name():
     assert float(plant.effects[1].coefficient) == 7.0
 
 
-class Lanes:
-    """What `cross_validated` wants of a batch."""
-
-    def __init__(self, count, states):
-        self.initial, self.prior = np.zeros((count, states)), np.full((count, states), 1e-3)
-
-
 def test_cross_validation_of_a_linear_model_is_exact():
     """In a linear model one step from the joint optimum is the optimum without a recording."""
     key = np.random.default_rng(0)
@@ -87,10 +86,13 @@ def test_cross_validation_of_a_linear_model_is_exact():
     data = design @ [1.0, -2.0] + 0.3 * key.standard_normal((lanes, samples))
     best = np.linalg.lstsq(design.reshape(-1, count), data.reshape(-1), rcond=None)[0]
     residual = design @ best - data
-    # One idle initial value, which nothing depends on.
-    table = np.concatenate([design.swapaxes(1, 2), np.zeros((lanes, 1, samples)), residual[:, None]], axis=1)
+    # Initial states, which nothing depends on here.
+    table = np.concatenate([design.swapaxes(1, 2), np.zeros((lanes, 6, samples)), residual[:, None]], axis=1)
     products = table @ table.swapaxes(1, 2)
-    found = cross_validated(products, count, count, np.zeros((lanes, 1)), Lanes(lanes, 1), np.arange(lanes))
+    times = np.arange(100) * 0.01
+    runs = [make_recording(f"{i}.csv", times, u_x=np.sin(times), x=np.cos(times)) for i in range(lanes)]
+    batch = make_batch(runs, NOISE)
+    found = cross_validated(products, count, count, batch.initial, batch, batch.recording)
     wanted = 0.0
     for r in range(lanes):
         others = np.delete(np.arange(lanes), r)

@@ -132,7 +132,9 @@ def test_recovery_on_another_engine_with_true_stick_slip(monkeypatch):
         run.resolution.update({"x": 1e-4, "psi": 2 * math.pi / 4096, "l": 1e-4})
         assert columns["l"].min() > 0.2 and np.ptp(columns["x"]) > 0.1
         recordings.append(run)
-    effects = [(e["kind"], e["site"], {k: v for k, v in e.items() if k not in ("kind", "site")}) for e in truth["effects"]]
+    effects = [
+        (e["kind"], e["site"], {k: v for k, v in e.items() if k not in ("kind", "site")}) for e in truth["effects"]
+    ]
     right = cart_model(*effects, known=("load_mass", "winch_mass"), **truth["bridge"])
     names = [n for n in values(right.plant) if n not in ("cart_mass", "load_mass", "winch_mass", "gravity")]
     key = np.random.default_rng(7)

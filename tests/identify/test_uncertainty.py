@@ -19,9 +19,7 @@ def test_residuals_with_memory():
     for k in range(1, 8000):
         residual[:, k] = keep * residual[:, k - 1] + key.standard_normal((4, 1))
     # Integrated correlation of a first-order process; its tail below 0.05 is not summed.
-    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx(
-        (1 + keep) / (1 - keep), rel=0.15
-    )
+    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
 
 
 def test_inverse_of_a_badly_scaled_matrix():

@@ -1,0 +1,30 @@
+"""Puts measured tables into README.md, between their markers.
+
+    python docs/tables.py
+
+Each `<!-- NAME -->` ... `<!-- end of NAME -->` in the README receives the content of figures/NAME.md where that exists.
+"""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def main() -> None:
+    readme = ROOT / "README.md"
+    text = readme.read_text(encoding="utf-8")
+    for name in re.findall(r"<!-- end of ([\w-]+) -->", text):
+        source = ROOT / "figures" / f"{name}.md"
+        if not source.exists():
+            print(f"{name}: no {source.relative_to(ROOT)} yet")
+            continue
+        begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n\n{source.read_text(encoding='utf-8').strip()}\n\n{end}{rest.split(end)[1]}"
+        print(f"{name}: inserted")
+    readme.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
