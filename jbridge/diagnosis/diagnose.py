@@ -70,19 +70,22 @@ def diagnose(
     search = Search(setting, window, progress)
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
     alarm = large and p_value <= SIGNIFICANT and learnable >= LEARNABLE
-    final_plant = state.plant if steps else base_plant
-    final_free, final_vector = (state.free, state.vector) if steps else (base.free, base.vector)
+    repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= LEARNABLE)
+    curved = search.curve(state) if repeats else None
+    state = curved or state
+    changed = bool(steps) or curved is not None
+    final_plant = state.plant if changed else base_plant
+    final_free, final_vector = (state.free, state.vector) if changed else (base.free, base.vector)
     table = ParameterTable(final_plant, setting.units)
-    cov = _covariance(state, base, bool(steps))
+    cov = _covariance(state, base, changed)
     values = estimates(table, final_vector, final_free, cov)
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
-    if steps and not is_large(left):
-        learnable_after = min(learnable_after, LEARNABLE)
-    still = alarm and is_large(left) and learnable_after >= LEARNABLE
+    # A force without a name makes the simulation usable, but it explains nothing.
+    still = alarm and (curved is not None or (is_large(left) and learnable_after >= LEARNABLE))
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     location = location_of(alarm, effects, steps, last, shown, setting)
@@ -92,7 +95,7 @@ def diagnose(
         for e in final_plant.effects
         if (e.kind, e.site) in known_in
     )
-    statement = verdict_sentence(verdict, effects, location, found, left, learnable, large, steps_held=bool(steps))
+    statement = verdict_sentence(verdict, effects, location, found, left, learnable, large, curve=curved is not None)
     return Diagnosis(
         verdict,
         statement,
@@ -102,7 +105,7 @@ def diagnose(
         own,
         {name: e for name, e in values.items() if "@" not in name},
         dataclasses.replace(model, plant=base_plant),
-        dataclasses.replace(model, plant=final_plant, uncertainty=as_uncertainty(values)),
+        dataclasses.replace(model, plant=final_plant, known=state.known, uncertainty=as_uncertainty(values)),
         runs[0].errors,
         runs[1].errors,
         runs[2].errors,
@@ -218,6 +221,12 @@ def _search(
             break
         if search.window is not None:
             state = _back_to_free_runs(search, state)
+    else:
+        after = learnable
+    if len(steps) > 1:
+        state = search.prune(state)
+        kept = {candidate.name for candidate in state.accepted}
+        steps = [step for step in steps if step.chosen.candidate.name in kept]
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)

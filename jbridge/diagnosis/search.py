@@ -28,6 +28,10 @@ _ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
 _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
+SUPERFLUOUS = 0.02
+"""Rise of the cost up to which an effect is dropped again."""
+_CURVE_PAYS = 0.8
+"""Cost, relative to the model without it, that a force without a name must reach to be kept."""
 _PROMISING = 0.8
 """Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
 
@@ -156,6 +160,51 @@ class Search:
         winners = sorted(self._each(contest, list(found.values())), key=lambda w: w.cost)
         winners = [w for w in winners if w.cost < _PROMISING * float(without.cost[0])][:2]
         return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
+
+    def prune(self, state: State) -> State:
+        """Drops accepted effects that what was accepted later has made superfluous."""
+        for candidate in state.accepted[:-1]:
+            if candidate.kind == WRONG_VALUE:
+                continue
+            rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
+            self.progress(f"trying without {candidate.kind.replace('_', ' ')}")
+            kept = tuple(a for a in state.accepted if a is not candidate)
+            without = self.polish(Plant(state.plant.bridge, rest), state.known, state.initial, kept)
+            if without.cost < state.cost * (1 + SUPERFLUOUS):
+                state = without
+        return state
+
+    def curve(self, state: State) -> State | None:
+        """The model with a force without a name, on the axis where that explains most; None if it explains little."""
+        scene = scene_of(self.setting, state.plant, self.events)
+        seeds = [
+            Candidate(kind, site, dict(seed.values), seed.free, False)
+            for kind, cls in UNNAMED.items()
+            for site in cls.sites
+            if AXIS_OF_SITE[site] in self.setting.axes
+            for seed in cls.seeds(site, scene)
+        ]
+        self.progress("fitting a force without a name")
+
+        def one(seed: Candidate) -> Trial:
+            engine, vector, free = self._with(state, seed)
+            return self._refit(state, [seed], engine, seed.set(engine.table, vector)[None], free)
+
+        best = min(self._each(one, seeds), key=lambda t: t.cost)
+        if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:
+            return None
+        return State(
+            best.plant,
+            best.known,
+            best.engine,
+            best.batch,
+            best.vector,
+            best.free,
+            best.initial,
+            best.cost,
+            best.cross_validated,
+            state.accepted,
+        )
 
     def _each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""

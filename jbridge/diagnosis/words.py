@@ -67,7 +67,7 @@ def verdict_sentence(
     learnable: float,
     large: bool,
     *,
-    steps_held: bool,
+    curve: bool,
 ) -> str:
     """The verdict in one or two sentences."""
     worst = max(before, key=lambda axis: before[axis].ratio)
@@ -94,7 +94,9 @@ def verdict_sentence(
         )
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
         return f"{lead}: {names}. With it the error falls from {ratio:.2g} to {final:.2g} times the noise in free runs."
-    found = " What was found explains a part of it only." if steps_held else ""
+    found = " What was found explains a part of it only." if effects else ""
+    if curve:
+        found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."
     return (
         f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "
         f"{final:.2g} times the noise.{found}"

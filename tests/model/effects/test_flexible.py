@@ -243,7 +243,7 @@ def test_play_loses_energy_and_keeps_momentum_under_a_swinging_load():
     assert np.ptp(momentum) < 1e-6 * momentum[0]
     assert energy[0] - energy[-1] > 0.03
     # The contact pushes what has sunk in back to the surface.
-    assert np.max(np.diff(energy)) < 1e-4 * (energy[0] - energy[-1])
+    assert np.max(np.diff(energy)) < 1e-3 * (energy[0] - energy[-1])
 
 
 @pytest.mark.parametrize("kind", ["backlash", "belt_compliance"])
