@@ -1,11 +1,13 @@
 """The real rigs' sidecars, models and drawing; what needs the recordings skips where they are not."""
 
+import json
+
 import numpy as np
 import pytest
 
 import jbridge
 from experiments.real_rigs import figures, run
-from experiments.real_rigs.cases import AAU, CART_MAP_TRAIN, CASES, GANTRY, LEVELS, PUBLISHED, SOURCES, runs
+from experiments.real_rigs.cases import AAU, CART_MAP_TRAIN, CASES, GANTRY, LEVELS, PUBLISHED, SOURCES, UW, runs
 from experiments.real_rigs.friction import levels_by_place
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.catalogue import make_effect
@@ -90,10 +92,28 @@ def test_table_and_pictures_come_from_kept_numbers(tmp_path):
         error = {channel: 0.5 * min(both) for channel, both in published.items()}
         entry = {"axis": axis, "level": level, "stop": [5.0] * 3, "cut": [error] * 3, "whole": [error] * 3}
         kept["levels"][f"{axis} {level}"] = entry
+    t = np.linspace(0.0, 9.0, 90)
+    shown = {"measured": [None, *np.sin(t[1:])], "before": np.cos(t), "after": np.sin(t)}
+    curve = {"recording": "a.csv", "t": t, "psi": shown | {"rmse": {"before": 1.0, "after": 0.1}}}
+    rival = {"kind": "load_drag", "site": "swing"}
+    effect = {"kind": "coulomb_friction", "site": "swing", "probability": 0.9, "equivalents": [rival]}
+    both = {"before": {"psi": 1.0}, "after": {"psi": 0.1}}
+    row = {"rig": UW, "name": "pendulum", "train": ["a.csv"], "holdout": ["b.csv"], "published": "0.0147 rad"}
+    row |= {"verdict": "missing_physics", "statement": "It rubs.", "effects": [effect], "curves": [curve, curve]}
+    kept["cases"] = {f"{UW}/pendulum": row | {"fit": {"holdout": both, "window": {"holdout": both}}}}
+    law = {"positive": 2.0 + 0.0 * t, "negative": 4.0 - 0.2 * t}
+    knots = {"value": [2.0, 4.0], "low": [1.9, 3.9], "high": [2.1, 4.1]}
+    distance = {key: {"mean": 0.1, "rms": 0.2, "correlation": 0.9} for key in law}
+    found = {"x": t, "found": law, "published": law, "diagnosed": law, "distance": distance, "cart_mass": 6.2}
+    kept["map"] = {"cart": found | {"knots": [0.0, 9.0], "knot_positive": knots, "knot_negative": knots}}
     rows = figures.level_rows(kept["levels"])
     assert len(rows) == 20 and all(row["beaten_held_out"] for row in rows)
     text = figures.table(kept)
     assert "beats the better published figure in 20 of 20 rows" in text
     assert all(source in text for source in SOURCES.values())
-    figures.gantry_picture(rows, tmp_path / "gantry.png")
-    assert (tmp_path / "gantry.png").stat().st_size > 10_000
+    assert "coulomb friction@swing (p 0.90; or load drag@swing)" in text
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "real-rigs.json").write_text(json.dumps(run.rounded(kept)))
+    figures.draw(tmp_path)
+    drawn = {path.name for path in tmp_path.glob("*.png")}
+    assert drawn == {"real-rigs-friction-map.png", "real-rigs-gantry.png", "real-rigs-pendulum-multiarm-uw.png"}

@@ -69,7 +69,7 @@ def diagnose(
     window = None if base.chi < DRIFTING else WINDOW
     search = Search(setting, window, progress)
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
-    alarm = large and p_value <= SIGNIFICANT and learnable >= LEARNABLE
+    alarm = bool(large and p_value <= SIGNIFICANT and learnable >= LEARNABLE)
     repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= LEARNABLE)
     curved = search.curve(state) if repeats else None
     state = curved or state
@@ -85,7 +85,7 @@ def diagnose(
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
     # A force without a name makes the simulation usable, but it explains nothing.
-    still = alarm and (curved is not None or (is_large(left) and learnable_after >= LEARNABLE))
+    still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= LEARNABLE)))
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     location = location_of(alarm, effects, steps, last, shown, setting)

@@ -14,6 +14,9 @@ _LOCAL = 0.25
 """A region counts as local up to this part of what was covered."""
 _SHARE = 0.6
 """Least share of the mismatch inside a region."""
+_BRIEF = 0.2
+"""A mismatch counts as limited in time up to this part of a recording, in at most so many pieces."""
+_FEW = 2
 _SMOOTH = 0.25
 """Time over which the mismatch is averaged before intervals are cut [s]."""
 
@@ -26,9 +29,11 @@ def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
     after = _joined(traces, lambda trace: trace.force_after.get(axis))
     # What noise and smoothing leave anyway is no mismatch; the final model tells how much that is.
     floor = float(np.nanmean(after**2)) if after is not None and np.isfinite(after).any() else 0.0
-    variables = {name: _joined(traces, lambda trace, n=name: trace.coordinates.get(n)) for name in AXES}
-    variables |= {f"v_{name}": _joined(traces, lambda trace, n=name: trace.velocities.get(n)) for name in AXES}
-    variables |= {name: _joined(traces, lambda trace, n=name: trace.inputs.get(n)) for name in ("u_x", "u_l")}
+    # The axis' own place, speed and input, and the rope's length, on which everything hangs.
+    own = {axis, "l"}
+    variables = {name: _joined(traces, lambda trace, n=name: trace.coordinates.get(n)) for name in AXES if name in own}
+    variables[f"v_{axis}"] = _joined(traces, lambda trace: trace.velocities.get(axis))
+    variables[f"u_{axis}"] = _joined(traces, lambda trace: trace.inputs.get(f"u_{axis}"))
     found = []
     for name, values in variables.items():
         if values is None or not np.ptp(values[np.isfinite(values)]) > 0:
@@ -88,8 +93,9 @@ def intervals(traces: Sequence[Trace], axis: str, noise: Mapping[str, float]) ->
             continue
         high = rate > 0.35 * rate.max()
         inside = float((rate[high] ** 2).sum()) / total
-        if high.mean() < 0.35 and inside > _SHARE:
-            found += [Interval(trace.recording, a, b) for a, b in _runs(trace.times, high)][:4]
+        runs = _runs(trace.times, high)
+        if high.mean() < _BRIEF and inside > _SHARE and len(runs) <= _FEW:
+            found += [Interval(trace.recording, a, b) for a, b in runs]
     return tuple(found[:12])
 
 

@@ -219,7 +219,7 @@ class Search:
             plant = Plant(plant.bridge, (*plant.effects, make_effect(candidate.kind, candidate.site, values)))
         engine = Engine(plant)
         vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(plant)))
-        names = [state.engine.table.entry(p).name for p in state.free]
+        names = [state.engine.table.entry(int(p)).name for p in state.free]
         return engine, vector, np.array([engine.table.positions(name)[0] for name in names], np.int64)
 
     def _refit(

