@@ -7,12 +7,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jbridge._types import Axes as Axes
     from jbridge.diagnosis.diagnose import diagnose as diagnose
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
     from jbridge.errors import InputError as InputError
     from jbridge.identify.fit import fit as fit
     from jbridge.identify.result import Fit as Fit
     from jbridge.model.bridge import Bridge as Bridge
+    from jbridge.model.effects.base import AbstractForce as AbstractForce
+    from jbridge.model.effects.base import AbstractFriction as AbstractFriction
     from jbridge.model.effects.catalogue import CATALOGUE as CATALOGUE
     from jbridge.model.files import Model as Model
     from jbridge.model.files import load_model as load_model
@@ -32,6 +35,9 @@ if TYPE_CHECKING:
 __version__: str
 
 _HOMES = {
+    "AbstractForce": "model.effects.base",
+    "AbstractFriction": "model.effects.base",
+    "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
     "Diagnosis": "diagnosis.result",
@@ -57,6 +63,9 @@ _HOMES = {
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
 
 __all__ = [
+    "AbstractForce",
+    "AbstractFriction",
+    "Axes",
     "Bridge",
     "CATALOGUE",
     "Diagnosis",

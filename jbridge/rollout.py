@@ -106,15 +106,22 @@ def drive_inputs(plant: Plant, lane: Lane) -> tuple[Float[Array, "time 2"], Floa
     constants = plant.time_constants()
     for column, axis in enumerate(("x", "l")):
         w = lane.u[:, column]
-        for effect in sorted(plant.all(AbstractDrive), key=lambda effect: effect.order):
-            if AXIS_OF_SITE[effect.site] == axis:
-                w = effect.apply(edges[:-1] + 0.5 * spans, w)
+        chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
+        chain.sort(key=lambda effect: effect.order)
+        middle = edges[:-1] + 0.5 * spans
+        for effect in chain:
+            if not effect.in_time:
+                w = effect.apply(middle, w)
         for late_by in plant.all(InputDelay):
             if AXIS_OF_SITE[late_by.site] == axis:
                 # The mean over each interval of the delayed input: exact for its impulse, and smooth in the delay.
+                # What has no memory and no clock may stand before the delay as well as behind it.
                 total = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
                 late = jnp.interp(edges - late_by.delay, edges, total)
                 w = (late[1:] - late[:-1]) / jnp.where(spans > 0, spans, 1.0)
+        for effect in chain:
+            if effect.in_time:
+                w = effect.apply(middle, w)
         constant = jnp.maximum(getattr(constants, axis), 1e-9)
         since = lane.start - edges[: n + 1]
         # Outside the time loop the library's exponential costs nothing.

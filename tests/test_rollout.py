@@ -294,9 +294,7 @@ def test_order_of_a_drives_chain(site):
     "drift",
     [
         0.0,
-        pytest.param(
-            -0.05, marks=pytest.mark.xfail(reason="the drift is taken at the time of the command, not of the action")
-        ),
+        -0.05,
     ],
     ids=["steady gain", "drifting gain"],
 )

@@ -5,9 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from jbridge._types import Axes
-from jbridge.model.effects.base import AbstractForce, AbstractFriction
-from jbridge.model.plant import Plant
+from jbridge import AbstractForce, AbstractFriction, Axes, Plant
 
 _SLOW = 0.1
 """Velocity at which levels are read [m/s]: typical of the recordings."""

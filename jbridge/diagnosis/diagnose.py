@@ -95,7 +95,10 @@ def diagnose(
         for e in final_plant.effects
         if (e.kind, e.site) in known_in
     )
-    statement = verdict_sentence(verdict, effects, location, found, left, learnable, large, curve=curved is not None)
+    shown_before = channels(runs[0].batch, runs[0].predicted, setting.noise) if alarm else found
+    statement = verdict_sentence(
+        verdict, effects, location, shown_before, left, learnable, large, curve=curved is not None
+    )
     return Diagnosis(
         verdict,
         statement,

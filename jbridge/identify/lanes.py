@@ -139,7 +139,8 @@ def make_batch(
         if window is None:
             cuts.append((r, 0, g.intervals))
             continue
-        edges = np.searchsorted(g.times, np.arange(0.0, g.times[-1] - 0.5 * window, window))
+        starts_at = np.arange(0.0, max(g.times[-1] - 0.5 * window, 1e-9), window)
+        edges = np.searchsorted(g.times, starts_at)
         stops = [*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)]
         cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
     longest = _rounded(max(b - a for _, a, b in cuts))

@@ -110,28 +110,31 @@ def bounded_step(
     high: NDArray[np.float64],
     damping: float,
 ) -> NDArray[np.float64]:
-    """Damped Gauss-Newton step within bounds: what would leave them is put on them, and the rest re-solved."""
+    """Damped Gauss-Newton step within bounds, by Newton steps on what is not held there (Bertsekas 1982)."""
     n = len(at)
-    step = np.zeros(n)
-    moving = ~(((at <= low) & (reduced.gradient > 0)) | ((at >= high) & (reduced.gradient < 0)))
-    fixed = np.zeros(n)
     scale = np.maximum(reduced.diagonal, 1e-12 * max(reduced.diagonal.max(initial=0.0), 1e-300))
-    for _ in range(n + 1):
-        m = np.flatnonzero(moving)
-        if not len(m):
+    matrix = reduced.matrix + np.diag((damping + 1e-13) * scale)
+    least, most = low - at, high - at
+    step = np.clip(np.zeros(n), least, most)
+    value = 0.0
+    for _ in range(2 * n + 2):
+        slope = reduced.gradient + matrix @ step
+        moving = np.flatnonzero(~(((step <= least) & (slope > 0)) | ((step >= most) & (slope < 0))))
+        if not len(moving):
             break
-        matrix = reduced.matrix[np.ix_(m, m)] + np.diag(damping * scale[m] + 1e-13 * scale[m])
-        right = -(reduced.gradient[m] + reduced.matrix[m] @ fixed)
-        step = fixed.copy()
-        step[m] = np.linalg.lstsq(matrix, right, rcond=1e-15)[0]
-        goal = at + step
-        outside = moving & ((goal < low) | (goal > high))
-        if not outside.any():
+        newton = np.zeros(n)
+        newton[moving] = np.linalg.lstsq(matrix[np.ix_(moving, moving)], -slope[moving], rcond=1e-15)[0]
+        share, before = 1.0, value
+        while share > 1e-3:
+            trial = np.clip(step + share * newton, least, most)
+            found = float(reduced.gradient @ trial + 0.5 * trial @ matrix @ trial)
+            if found < value:
+                step, value = trial, found
+                break
+            share *= 0.5
+        if not before - value > 1e-10 * abs(value):
             break
-        fixed[outside] = np.clip(goal, low, high)[outside] - at[outside]
-        moving &= ~outside
-        step = fixed.copy()
-    return np.clip(at + step, low, high) - at
+    return step
 
 
 def solve(

@@ -87,9 +87,7 @@ SIZES = {"input_delay": 2e-3, "sensor_delay": 2e-3, "dead_zone": 2e-3, "drum_rad
 
 
 def named(candidate):
-    reason = "a kink stands at delay 0, and the tangent is not that of a delay but of its opposite"
-    marks = [pytest.mark.xfail(reason=reason, strict=False)] if "delay" in candidate.free else []
-    return pytest.param(candidate.name, marks=marks, id="-".join(candidate.name))
+    return pytest.param(candidate.name, id="-".join(candidate.name))
 
 
 @pytest.mark.parametrize("name", [named(candidate) for candidate in SCREENED])

@@ -128,7 +128,6 @@ def test_elimination_gives_the_step_of_the_full_equations():
     np.testing.assert_allclose(moved.reshape(-1), wanted[count:], rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.xfail(strict=False, reason="what was put on a bound once is not released within the same step")
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bounded_step_is_the_best_within_its_bounds(seed):
     key = np.random.default_rng(seed)

@@ -232,6 +232,8 @@ class AbstractDrive(AbstractEffect):
 
     order: ClassVar[int] = 0
     """Place in the chain; physics puts saturation before the dead zone before the gain."""
+    in_time: ClassVar[bool] = False
+    """Whether it depends on time, so that it matters on which side of a delay it stands."""
 
     @abc.abstractmethod
     def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:

@@ -86,6 +86,7 @@ class GainDrift(AbstractDrive):
     sites: ClassVar[tuple[str, ...]] = _DRIVES
     sentence: ClassVar[str] = "a {axis} whose strength changes while it runs (heating, sagging supply)"
     order: ClassVar[int] = 4
+    in_time: ClassVar[bool] = True
     rate: Scalar = parameter("1/s", "relative change of the gain with time")
     site: str = eqx.field(static=True)
 
@@ -108,7 +109,8 @@ class InputDelay(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        return [Seed({"delay": value}, ("delay",), finite=value > 0) for value in (0.0, 0.02, 0.06)]
+        # At exactly zero the delayed input has a kink; a microsecond is no delay, and has a tangent.
+        return [Seed({"delay": value}, ("delay",), finite=value > 1e-3) for value in (1e-6, 0.02, 0.06)]
 
 
 class ActuatorLag(AbstractEffect):

@@ -125,4 +125,5 @@ class SensorDelay(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        return [Seed({"delay": 0.0}, ("delay",))]
+        # At exactly zero the interpolation has a kink; a microsecond is no delay, and has a tangent.
+        return [Seed({"delay": 1e-6}, ("delay",))]
