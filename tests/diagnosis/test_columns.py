@@ -82,7 +82,7 @@ def whole():
 
 ONE_SIDED = {"input_delay", "sensor_delay", "dead_zone", "friction_drift"}
 """Less than their null value is nothing."""
-SIZES = {"input_delay": 2e-3, "sensor_delay": 2e-3, "dead_zone": 2e-3, "drum_radius_change": 1e-2}
+SIZES = {"input_delay": 1e-4, "sensor_delay": 1e-3, "dead_zone": 2e-3, "drum_radius_change": 1e-2}
 """Of the differences, where the default would leave or cross a kink."""
 
 
