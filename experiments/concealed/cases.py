@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+
 from kinds import Draw, draw
 from makeup import HALVES
 from uncatalogued import KINDS as UNKNOWN

@@ -6,6 +6,7 @@ at 0. Delays are whole engine steps. The size factor is the case's entry in `siz
 """
 
 import numpy as np
+
 from scene import DT
 
 

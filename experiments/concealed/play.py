@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+
 from inputs import Controller, Hand, Operator, Rest, Sines
 from rig import simulate
 

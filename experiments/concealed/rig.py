@@ -9,9 +9,10 @@ constant force -(p-n)/2: the same law, stuck and sliding.
 import math
 from collections.abc import Callable
 
-import effects as catalogue
 import mujoco
 import numpy as np
+
+import effects as catalogue
 import uncatalogued
 from drives import SAMPLE, Drive
 from effects import Layout, Vector

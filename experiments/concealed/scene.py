@@ -7,6 +7,7 @@ the engine's own friction-loss constraint.
 """
 
 import mujoco
+
 from effects import Effect, Layout
 
 DT = 2e-4

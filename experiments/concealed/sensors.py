@@ -8,6 +8,7 @@ total (0.04 mm, 0.64 mrad).
 import math
 
 import numpy as np
+
 from effects import Effect
 
 RESOLUTION = {"x": 1e-4, "psi": 2 * math.pi / 4096, "l": 1e-4}

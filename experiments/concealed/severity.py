@@ -15,6 +15,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+
 from cases import HERE, KNOWN, cases
 from drives import SAMPLE
 from kinds import KINDS

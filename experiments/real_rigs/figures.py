@@ -41,7 +41,7 @@ def _sensible(value: float) -> str:
 def level_rows(levels: dict) -> list[dict]:
     """Ours beside the published error, one row for each level and channel."""
     rows = []
-    for entry in levels.values():
+    for entry in sorted(levels.values(), key=lambda e: (e["axis"] != "trolley", e["level"])):
         axis, level = entry["axis"], entry["level"]
         for channel, published in PUBLISHED[axis, level].items():
             whole = [run[channel] for run in entry["whole"]]

@@ -23,7 +23,7 @@ LEARNABLE = 0.3
 _BLOCK = 0.1
 """Length of the blocks whose signs are drawn [s]."""
 _SPAN = 1.0
-"""Time over which residuals are added up [s]."""
+"""Longest time over which blocks are compared [s]."""
 _DRAWS = 199
 
 
@@ -43,7 +43,7 @@ def is_large(found: Mapping[str, Channel]) -> bool:
 
 
 def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) -> float:
-    """Chance of so much slow structure in the residuals if their signs were free every tenth of a second.
+    """Chance of so much structure in the residuals if their signs were free every tenth of a second.
 
     The recorded input is held, since a controller that may have made it is not known.
     """
@@ -58,10 +58,11 @@ def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) ->
     rng = np.random.default_rng(seed)
 
     def statistic(values: NDArray[np.float64]) -> float:
-        count = values.shape[1] // span
-        slow = values[:, : count * span].reshape(len(values), count, span, 3).sum(axis=2)
-        fast = (values**2).sum(axis=(0, 1))
-        return float(np.max((slow**2).sum(axis=(0, 1)) / np.maximum(fast, 1e-300)))
+        # Squared, so that a swing that falls behind counts as well as a cart that drifts.
+        lags = range(1, min(span, blocks - 1) + 1)
+        together = sum((values[:, k:] * values[:, :-k]).sum(axis=(0, 1)) ** 2 for k in lags)
+        power = (values**2).sum(axis=(0, 1))
+        return float(np.max(together / np.where(power > 0, power, 1.0) ** 2))
 
     own = statistic(sums)
     above = 0
