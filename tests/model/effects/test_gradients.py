@@ -164,6 +164,7 @@ HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0
 ROUGH = pytest.mark.xfail(reason="a play's contact that comes in over 0.02 mm makes readings rough in the gap")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["compliances", pytest.param("play", marks=ROUGH)])
 def test_mechanisms(name):
     plant = make_plant(*MECHANISMS[name])
