@@ -220,7 +220,9 @@ def advance(
         dq, dv = _zeros_like(carry.q), _zeros_like(carry.v)
         stage_q, stage_v, stage_z = carry.q, carry.v, carry.z
         for i, (node, weight) in enumerate(zip(method.nodes, method.weights, strict=True)):
-            a = plant.acceleration(t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, first, h, go, push)
+            a = plant.acceleration(
+                t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, (carry.q, carry.v), h, go, push
+            )
             a = materialise(a, go)
             if weight:
                 dq, dv = _add(dq, stage_v, weight * h), _add(dv, a, weight * h)

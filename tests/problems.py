@@ -109,7 +109,7 @@ def measure(plant: Plant, lane: Lane, motions):
 def accelerate(plant: Plant, q: Motion, v: Motion, volts: Axes, active: Axes, t=0.0, z=None, h=1e-9) -> Motion:
     """The plant's accelerations at one instant, friction judged from the velocities there."""
     time, step = jnp.asarray(t, dtype=float), jnp.asarray(h, dtype=float)
-    return plant.acceleration(time, q, v, volts, z, active, v.at_drives(), step, jnp.asarray(True))
+    return plant.acceleration(time, q, v, volts, z, active, (q, v), step, jnp.asarray(True))
 
 
 def motion(*values: float) -> Motion:

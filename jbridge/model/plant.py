@@ -34,12 +34,8 @@ from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElas
 from .effects.friction import PreslidingFriction
 
 _SWEEPS = 2
-_CONTACT_TIME = 0.6
-"""A play's contact brings its sides together within this share of a step: the shortest that the midpoint rule bears."""
 _CONTACT_RELAXATION = 20.0
-"""Penetration of a play's contact fades over this many `tau`: slow enough not to bounce."""
-_CONTACT_DEPTH = 2e-5
-"""Depth [m] over which a play's contact comes in: below any encoder, and it gives the gap a gradient."""
+"""What has sunk into a play's contact comes out over this many steps: slow enough not to bounce."""
 
 E = TypeVar("E", bound=AbstractEffect)
 
@@ -170,7 +166,7 @@ class Plant(eqx.Module):
         volts: Axes,
         z: Scalar | None,
         active: Axes,
-        first: Axes,
+        first: tuple[Motion, Motion],
         h: Scalar,
         go: Array,
         push: Push | None = None,
@@ -183,7 +179,7 @@ class Plant(eqx.Module):
             volts: inputs behind the drives' chains, in the input's unit.
             z: relative deflection of a presliding friction, None without one.
             active: 1 for an axis that moves, 0 for one that is locked or absent.
-            first: velocities of drives and swing at the step's beginning, from which friction is judged.
+            first: positions and velocities at the step's beginning, from which friction and contact are judged.
             h: length of the step [s]; the mean friction over it is used.
             go: true, for `materialise`.
             push: forces and friction levels to add.
@@ -252,21 +248,23 @@ class Plant(eqx.Module):
         f = [jnp.zeros_like(q.x)] * 3
         thrust = jnp.zeros_like(q.x)
         # The contact's force on (motor, swing, winch) rows and back, and on itself.
+        moving = first[1].at_drives()
         if contact is not None:
-            play = q.at_drives().x - q.x
-            side = jnp.where(play < 0, -1.0, 1.0)
+            # Judged like friction, over the step: of the speed of approach, what still fits into the play is left at
+            # the step's end, on the side to which the play is going; what has sunk in comes out slowly.
+            play, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
+            side = jnp.where(play + h * rate < 0, -1.0, 1.0)
             depth = side * play - 0.5 * contact.gap
-            touch = jnp.clip(depth / _CONTACT_DEPTH, 0.0, 1.0)
+            step = jnp.where(h > 0, h, 1.0)
+            allowed = -depth / step * jnp.where(depth < 0, 1.0, 1.0 / _CONTACT_RELAXATION)
+            slowing = (side * rate - allowed) / step
             u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
             w_contact = w_x + inv.xx
-            approach = side * (v.at_drives().x - v.x)
-            tau = _CONTACT_TIME * h + _TINY
         for _ in range(_SWEEPS):
             if contact is not None:
                 # Acceleration of approach without the contact, friction at its current values.
                 a_free = side * (rest.x + w_x * f[0] - free.x - inv.xp * f[1] - u[2] * side * f[2])
-                wanted = a_free + approach / tau + depth / (_CONTACT_RELAXATION * tau * tau)
-                thrust = touch * jnp.maximum(wanted / (w_contact + _TINY), 0.0)
+                thrust = jnp.maximum((a_free + slowing) / (w_contact + _TINY), 0.0)
             for i, (levels_up, levels_down) in enumerate(zip(positive, negative, strict=True)):
                 a_free = rest[i]
                 for j in range(3):
@@ -274,7 +272,7 @@ class Plant(eqx.Module):
                         a_free = a_free + w[i][j] * f[j]
                 if contact is not None:
                     a_free = a_free + u[i] * thrust
-                f[i] = materialise(_mean_friction(first[i], a_free, w[i][i], levels_up, levels_down, h), go)
+                f[i] = materialise(_mean_friction(moving[i], a_free, w[i][i], levels_up, levels_down, h), go)
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
         if contact is not None:

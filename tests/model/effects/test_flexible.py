@@ -183,12 +183,7 @@ def test_in_contact_motor_and_cart_move_as_one_mass():
     np.testing.assert_allclose(v.x, rigid.v.x, rtol=0, atol=5e-4)
 
 
-BOUNCES = pytest.mark.xfail(
-    reason="the midpoint rule bounces off where a step begins in the play and its middle does not"
-)
-
-
-@pytest.mark.parametrize("method", [pytest.param(RK4, id="RK4"), pytest.param(MIDPOINT, id="MIDPOINT", marks=BOUNCES)])
+@pytest.mark.parametrize("method", [pytest.param(RK4, id="RK4"), pytest.param(MIDPOINT, id="MIDPOINT")])
 def test_impact_is_inelastic_and_keeps_the_momentum(method):
     """From anywhere in the play and at any speed, motor and cart go on together."""
     lane = make_lane(np.zeros((100, 2)), active=CART_ALONE)

@@ -161,11 +161,8 @@ MECHANISMS = {
 HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0.05]}
 
 
-ROUGH = pytest.mark.xfail(reason="a play's contact that comes in over 0.02 mm makes readings rough in the gap")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["compliances", pytest.param("play", marks=ROUGH)])
+@pytest.mark.parametrize("name", ["compliances", "play"])
 def test_mechanisms(name):
     plant = make_plant(*MECHANISMS[name])
     table = ParameterTable(plant)
