@@ -63,7 +63,7 @@ def _densest(
     place = np.clip(np.searchsorted(edges, values[known]) - 1, 0, _BINS - 1)
     count = np.bincount(place, minlength=_BINS)
     power = np.bincount(place, weights=force[known] ** 2, minlength=_BINS)
-    mean = np.where(count >= 20, power / np.maximum(count, 1) - floor, 0.0)
+    mean = np.where(count >= max(20.0, 0.03 * known.sum()), power / np.maximum(count, 1) - floor, 0.0)
     mean = np.maximum(mean, 0.0)
     total = mean.sum()
     if total <= 0:
