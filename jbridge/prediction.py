@@ -15,7 +15,6 @@ from .rollout import RK4, Lane, hidden_count, readings, rollout
 
 _STEP = 0.0025
 """Longest step [s]; with a hidden coordinate half of it."""
-_NEEDED = {"x": "cart_gain", "psi": "load_mass", "l": "hoist_gain"}
 
 
 def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:

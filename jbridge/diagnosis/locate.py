@@ -1,11 +1,11 @@
 """Where a mismatch sits: along which variable, and when."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import AXES, EQUATIONS
+from .._types import EQUATIONS
 from ..identify.result import Trace
 from .result import Interval, Region
 
@@ -30,8 +30,8 @@ def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
     # What noise and smoothing leave anyway is no mismatch; the final model tells how much that is.
     floor = float(np.nanmean(after**2)) if after is not None and np.isfinite(after).any() else 0.0
     # The axis' own place, speed and input, and the rope's length, on which everything hangs.
-    own = {axis, "l"}
-    variables = {name: _joined(traces, lambda trace, n=name: trace.coordinates.get(n)) for name in AXES if name in own}
+    variables = {axis: _joined(traces, lambda trace: trace.coordinates.get(axis))}
+    variables["l"] = _joined(traces, lambda trace: trace.coordinates.get("l"))
     variables[f"v_{axis}"] = _joined(traces, lambda trace: trace.velocities.get(axis))
     variables[f"u_{axis}"] = _joined(traces, lambda trace: trace.inputs.get(f"u_{axis}"))
     found = []
@@ -45,9 +45,9 @@ def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
     return tuple(found[:3])
 
 
-def _joined(traces: Sequence[Trace], pick: object) -> NDArray[np.float64] | None:
-    parts = [pick(trace) for trace in traces]  # type: ignore[operator]
-    parts = [part for part in parts if part is not None]
+def _joined(traces: Sequence[Trace], pick: Callable[[Trace], NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+    found = [pick(trace) for trace in traces]
+    parts = [part for part in found if part is not None]
     return np.concatenate(parts) if len(parts) == len(traces) and parts else None
 
 

@@ -18,7 +18,7 @@ from .._types import Axes
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant, Push
 from ..rollout import MIDPOINT as _METHOD
-from ..rollout import Motions, advance, prepare, readings, rollout
+from ..rollout import Interval, Motions, advance, prepare, readings, rollout
 from .lanes import Lanes
 
 PORTS = 11
@@ -50,16 +50,16 @@ def linearise(
         _, told = prepare(plant, start, lanes.lane, substeps)
         at = jax.tree.map(lambda leaf: leaf[:-1], motions)
 
-        def jacobian(carry: Motions, now: object) -> tuple[Array, Array]:
+        def jacobian(carry: Motions, now: Interval) -> tuple[Array, Array]:
             flat, restore = ravel_pytree(carry)
 
             def after(state: Array, ports: Array) -> Array:
-                inputs = Axes(now.inputs.x + ports[0], now.inputs.psi, now.inputs.l + ports[1])  # type: ignore[attr-defined]
+                inputs = Axes(now.inputs.x + ports[0], now.inputs.psi, now.inputs.l + ports[1])
                 push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
                 moved = advance(
                     plant,
                     restore(state),
-                    now._replace(inputs=inputs),  # type: ignore[attr-defined]
+                    now._replace(inputs=inputs),
                     lanes.lane.active,
                     substeps=substeps,
                     push=push,

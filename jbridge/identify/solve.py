@@ -35,10 +35,6 @@ class Fits:
         """Sum of squared weighted residuals of each row."""
         return self.gram.cost.sum(axis=1)
 
-    @property
-    def lane_cost(self) -> NDArray[np.float64]:
-        return self.gram.cost
-
 
 @dataclasses.dataclass(frozen=True)
 class Reduced:
