@@ -17,7 +17,7 @@ from ..recordings import Recording
 from .adequacy import LARGE, LEARNABLE, SIGNIFICANT, channels, is_large, significance
 from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
-from .search import Search, first_state
+from .search import Search, state_of
 from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State, Trial, accepts, held
 from .words import verdict_sentence
@@ -185,7 +185,7 @@ def _search(
     tell: Callable[[str], None],
 ) -> tuple[State, list[Step], float, float, tuple[Screen | None, list[Trial]]]:
     """Accepts one explanation after the other; also the learnable share before and after."""
-    state = first_state(plant, model.known, setting, base.free_run, base.engine, base.fits)
+    state = state_of(base.engine, base.free_run, base.fits, model.known)
     if search.window is not None:
         start = base.engine.table.unravel(base.window_vector)
         guess = lanes_for(base.engine.table, plant, setting, setting.recordings, search.window).initial

@@ -36,13 +36,13 @@ _PROMISING = 0.8
 """Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
 
 
-def first_state(
-    plant: Plant, known: frozenset[str], setting: Setting, batch: Batch, engine: Engine, fits: Fits
+def state_of(
+    engine: Engine, batch: Batch, fits: Fits, known: frozenset[str], accepted: tuple[Candidate, ...] = ()
 ) -> State:
-    """The base fit as the search's starting point."""
+    """A fit of one row as a state of the search."""
     free = fits.free[0]
-    columns = columns_for(len(free))
-    cv = cross_validated(fits.gram.products[0], len(free), columns, fits.initial[0], batch, folds(batch))
+    width = columns_for(len(free))
+    cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch))
     return State(
         engine.table.unravel(fits.vectors[0]),
         known,
@@ -53,6 +53,7 @@ def first_state(
         fits.initial[0],
         float(fits.cost[0]),
         cv,
+        accepted,
     )
 
 
@@ -301,19 +302,7 @@ class Search:
         initial[:, :6] = near[:, :6]
         width = columns_for(len(free))
         fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
-        cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch))
-        return State(
-            engine.table.unravel(fits.vectors[0]),
-            known,
-            engine,
-            batch,
-            fits.vectors[0],
-            free,
-            fits.initial[0],
-            float(fits.cost[0]),
-            cv,
-            accepted,
-        )
+        return state_of(engine, batch, fits, known, accepted)
 
 
 def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]) -> Plant:
