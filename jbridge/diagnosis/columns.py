@@ -5,8 +5,10 @@ its change of the reading. `identify.respond` carries that to the readings. Effe
 absent enter with what they would do at a finite seed, as one column whose amplitude is free.
 """
 
+import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
@@ -51,42 +53,75 @@ def candidate_columns(
 ) -> list[NDArray[np.float64]]:
     """Weighted tangents of the readings for every candidate: lane, column, sample and channel (flat)."""
     out: list[NDArray[np.float64] | None] = [None] * len(found)
-    groups: list[list[int]] = [[]]
-    size = 0
-    for i, candidate in enumerate(found):
-        count = _count(candidate)
-        if size + count > _GROUP and groups[-1]:
-            groups.append([])
-            size = 0
-        groups[-1].append(i)
-        size += count
-    for group in groups:
-        kinds, points, directions = [], [], []
-        for i in group:
-            effect, own, directed = _directions(found[i])
-            kinds.append((own, found[i].finite))
-            points.append(np.array(own.ravel(Plant(_NO_BRIDGE, (effect,)))))
-            directions.append(directed)
-        change = _changes(
+
+    def carry(group: list[_Family]) -> None:
+        acts = _ports(
             table,
-            tuple(kinds),
+            tuple((family.table, family.finite) for family in group),
             jnp.asarray(vector),
-            [jnp.asarray(p) for p in points],
-            [jnp.asarray(d) for d in directions],
+            [jnp.asarray(family.points) for family in group],
+            [jnp.asarray(family.directions) for family in group],
             batch.lanes,
             along,
         )
-        scaled = np.array(change * batch.lanes.weight[:, None])
-        scaled = scaled.reshape(*scaled.shape[:2], -1)
+        change = np.array(_carried(table, jnp.asarray(vector), batch.lanes, along, *acts))
+        change = change.reshape(*change.shape[:2], -1)
         start = 0
-        for i, directed in zip(group, directions, strict=True):
-            out[i] = scaled[:, start : start + len(directed)]
-            start += len(directed)
+        for family in group:
+            for i in family.members:
+                out[i] = change[:, start : start + family.width]
+                start += family.width
+
+    with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
+        list(pool.map(carry, _groups(found)))
     return [part for part in out if part is not None]
 
 
-def _count(candidate: Candidate) -> int:
-    return 1 if candidate.finite else len(_directions(candidate)[2])
+@dataclasses.dataclass
+class _Family:
+    """Seeds of one effect that differ in their numbers alone: traced once."""
+
+    table: ParameterTable
+    """Of the effect's numbers."""
+    finite: bool
+    directions: NDArray[np.float64]
+    """Unit directions of the free numbers."""
+    members: list[int]
+    """Which candidates they are."""
+    points: list[NDArray[np.float64]]
+    """The effect's numbers at each seed."""
+
+    @property
+    def width(self) -> int:
+        """Columns of each seed."""
+        return len(self.directions)
+
+
+def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
+    """Families of seeds, collected into groups of about as many columns as are carried to the readings together."""
+    families: dict[tuple, _Family] = {}
+    for i, candidate in enumerate(found):
+        effect, own, directions = _directions(candidate)
+        point = np.array(own.ravel(Plant(_NO_BRIDGE, (effect,))))
+        part = 0
+        while True:
+            key = (own, candidate.finite, directions.tobytes(), part)
+            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], []))
+            if not family.members or (len(family.members) + 1) * family.width <= _GROUP:
+                break
+            part += 1
+        family.members.append(i)
+        family.points.append(point)
+    groups: list[list[_Family]] = [[]]
+    size = 0
+    for family in families.values():
+        columns = len(family.members) * family.width
+        if size + columns > _GROUP and groups[-1]:
+            groups.append([])
+            size = 0
+        groups[-1].append(family)
+        size += columns
+    return groups
 
 
 def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, NDArray[np.float64]]:
@@ -109,32 +144,45 @@ def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, N
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
-def _changes(
+def _ports(
     table: ParameterTable,
-    kinds: tuple[tuple[ParameterTable, bool], ...],
+    families: tuple[tuple[ParameterTable, bool], ...],
     vector: Array,
-    points: list[Array],
-    directions: list[Array],
+    points: list[Float[Array, "_ _"]],
+    directions: list[Float[Array, "_ _"]],
     lanes: Lanes,
     along: Along,
-) -> Float[Array, "lane column sample 3"]:
+) -> tuple[Float[Array, "lane time 11 filled"], Float[Array, "lane sample 3 filled"]]:
+    """What all seeds add at the ports and directly to the readings, filled up to a whole group."""
     through, direct = [], []
-    for (own, finite), point, directed in zip(kinds, points, directions, strict=True):
+    for (own, finite), seeds, directed in zip(families, points, directions, strict=True):
 
         def at(numbers: Array, own: ParameterTable = own) -> tuple[Array, Array]:
             effect = own.unravel(numbers).effects[0]
             return jax.vmap(lambda lane, path: _acts(table, vector, lane, path, effect))(lanes, along)
 
         if finite:
-            ports, reads = at(point)
-            ports, reads = ports[..., None], reads[..., None]
+            ports, reads = jax.vmap(at, out_axes=-1)(seeds)
         else:
-            ports, reads = jax.vmap(lambda d, p=point, f=at: jax.jvp(f, (p,), (d,))[1], out_axes=-1)(directed)
+
+            def towards(point: Array, directed: Array = directed, at: Callable = at) -> tuple[Array, Array]:
+                return jax.vmap(lambda d: jax.jvp(at, (point,), (d,))[1], out_axes=-1)(directed)
+
+            ports, reads = (part.reshape(*part.shape[:-2], -1) for part in jax.vmap(towards, out_axes=-2)(seeds))
         through.append(ports)
         direct.append(reads)
-    ports = jnp.concatenate(through, axis=-1)
-    answered = respond(table, vector, lanes, along, ports)
-    return answered + jnp.moveaxis(jnp.concatenate(direct, axis=-1), -1, 1)
+    ports, reads = jnp.concatenate(through, axis=-1), jnp.concatenate(direct, axis=-1)
+    empty = [(0, 0)] * 3 + [(0, max(_GROUP - ports.shape[-1], 0))]
+    return jnp.pad(ports, empty), jnp.pad(reads, empty)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _carried(
+    table: ParameterTable, vector: Array, lanes: Lanes, along: Along, ports: Array, reads: Array
+) -> Float[Array, "lane column sample 3"]:
+    """The weighted change of the readings: one program for all groups."""
+    change = respond(table, vector, lanes, along, ports) + jnp.moveaxis(reads, -1, 1)
+    return change * lanes.weight[:, None]
 
 
 def _acts(

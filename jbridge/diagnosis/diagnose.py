@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ..errors import InputError
@@ -27,6 +28,9 @@ DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
 """Error over noise below which a further effect is not looked for."""
+STRONG = 0.1
+"""Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
+it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
 
 
 def diagnose(
@@ -196,15 +200,10 @@ def _search(
     learnable, after = 0.0, 0.0
     last: tuple[Screen | None, list[Trial]] = (None, [])
     for _ in range(MOST_EFFECTS):
-        screened = search.look(state)
+        screened, trials = _weigh(search, state)
         after = screened.learnable
         if not steps:
             learnable = screened.learnable
-        trials = search.refit(state, screened)
-        if not _explained(trials):
-            trials = sorted(trials + search.refit(state, screened, trials), key=lambda t: t.score)
-        if not _explained(trials):
-            trials = sorted(trials + search.mechanisms(state), key=lambda t: t.score)
         last = (screened, trials)
         # What a linear screen could not foresee must prove itself the more by simulation.
         least = HOLDS if after >= LEARNABLE else LEARNABLE
@@ -236,9 +235,24 @@ def _search(
     return state, steps, learnable, after, last
 
 
-def _explained(trials: Sequence[Trial]) -> bool:
+def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
+    """Refits what is promising, looking the closer the less that explains."""
+    screened = search.look(state)
+    trials = search.refit(state, screened)
+    if search.window is None and not _explained(trials, NEAR):
+        screened = search.look_closer(state, screened)
+        trials += search.refit(state, screened, trials)
+    elif not _explained(trials, LARGE):
+        trials += search.refit(state, screened, trials)
+    strong = any(t.cost < STRONG * state.cost for t in trials)
+    if not strong and not _explained(trials, LARGE):
+        trials += search.mechanisms(state)
+    return screened, sorted(trials, key=lambda t: t.score)
+
+
+def _explained(trials: Sequence[Trial], ratio: float) -> bool:
     """Whether some trial leaves little more than noise."""
-    return any(t.cost < LARGE**2 * measurements(t.batch) for t in trials)
+    return any(t.cost < ratio**2 * measurements(t.batch) for t in trials)
 
 
 def _back_to_free_runs(search: Search, state: State) -> State:
@@ -271,9 +285,9 @@ def _evaluate(
     before: Plant, after: Plant, setting: Setting, width: int, width_after: int, base: BaseFit
 ) -> tuple[Run, Run, Run, Run]:
     like = (base.free_run, base.windows)
-    return (
-        evaluate(before, setting, setting.recordings, width, like),
-        evaluate(after, setting, setting.recordings, width_after, like),
-        evaluate(before, setting, setting.holdout, width, like),
-        evaluate(after, setting, setting.holdout, width_after, like),
-    )
+    with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
+        one = pool.submit(evaluate, after, setting, setting.recordings, width_after, like)
+        two = pool.submit(evaluate, before, setting, setting.recordings, width, like)
+        three = pool.submit(evaluate, after, setting, setting.holdout, width_after, like)
+        four = pool.submit(evaluate, before, setting, setting.holdout, width, like)
+        return two.result(), one.result(), four.result(), three.result()

@@ -67,14 +67,15 @@ class Search:
         self.events: dict[str, tuple] = {}
 
     def look(self, state: State) -> Screen:
-        """Screens every candidate without a hidden state, on the state's own lanes and on windows.
+        """Screens every candidate without a hidden state, on the state's own lanes."""
+        return self._screen(state)
+
+    def look_closer(self, state: State, whole: Screen) -> Screen:
+        """Screens again on windows, and merges the rankings.
 
         On whole recordings small effects add up and stand out, but a large mismatch is no longer linear; within
         windows it is.
         """
-        whole = self._screen(state)
-        if self.window is not None:
-            return whole
         outer, self.window = self.window, WINDOW
         try:
             guess = lanes_for(state.engine.table, state.plant, self.setting, self.setting.recordings, WINDOW).initial

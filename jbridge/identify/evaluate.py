@@ -77,7 +77,7 @@ def _simulate(
         vector[None],
         [np.zeros(0, np.int64)],
         columns=columns,
-        iterations=6,
+        iterations=4,
     )
     return batch, started.gram.predicted[0]
 

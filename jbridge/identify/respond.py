@@ -49,6 +49,8 @@ def linearise(
         motions = rollout(plant, start, lanes.lane, substeps=substeps, method=_METHOD)
         _, told = prepare(plant, start, lanes.lane, substeps)
         at = jax.tree.map(lambda leaf: leaf[:-1], motions)
+        # One interval's number stands for all: what tells `materialise` to go must not depend on time.
+        number = told.number[0]
 
         def jacobian(carry: Motions, now: Interval) -> tuple[Array, Array]:
             flat, restore = ravel_pytree(carry)
@@ -59,7 +61,7 @@ def linearise(
                 moved = advance(
                     plant,
                     restore(state),
-                    now._replace(inputs=inputs),
+                    now._replace(inputs=inputs, number=number),
                     lanes.lane.active,
                     substeps=substeps,
                     push=push,
