@@ -52,11 +52,14 @@ class Method(eqx.Module):
 
     nodes: tuple[float, ...] = eqx.field(static=True)
     weights: tuple[float, ...] = eqx.field(static=True)
+    leads: tuple[float, ...] = eqx.field(static=True)
+    """How much of (early - mean) every stage's input takes, so that an input that changes within a step moves velocity
+    and position as it should."""
 
 
-RK4 = Method((0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+RK4 = Method((0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (3.0, 0.0, 0.0, -3.0))
 """The classical method of order 4."""
-MIDPOINT = Method((0.0, 0.5), (0.0, 1.0))
+MIDPOINT = Method((0.0, 0.5), (0.0, 1.0), (1.0, 0.0))
 """Order 2, at half the cost of a step."""
 
 
@@ -97,38 +100,71 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
     return q, v
 
 
-def drive_inputs(plant: Plant, lane: Lane) -> tuple[Float[Array, "time 2"], Float[Array, " 2"]]:
-    """Inputs behind saturation, dead zone, gains and delay, over the lane's intervals, and the lags' initial values."""
-    spans = jnp.concatenate([lane.before, lane.dt])
+class Drives(NamedTuple):
+    """Inputs behind saturation, dead zone, gains and delay, for every step of every interval."""
+
+    mean: Float[Array, "time step 2"]
+    """Mean over the step: exact for the impulse."""
+    early: Float[Array, "time step 2"]
+    """Mean weighted by the time left to the step's end: exact for what the impulse does to the position."""
+    lags: Float[Array, " 2"]
+    """Initial values of the lags."""
+
+
+def drive_inputs(plant: Plant, lane: Lane, substeps: int = 1) -> Drives:
+    """What the drives are given over the lane, for cart and hoist.
+
+    Args:
+        plant: what moves.
+        lane: held inputs.
+        substeps: integration steps in each interval.
+    """
+    spans = jnp.repeat(jnp.concatenate([lane.before, lane.dt]) / substeps, substeps)
     edges = jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
-    n = lane.before.shape[0]
-    inputs, lags = [], []
+    middle = edges[:-1] + 0.5 * spans
+    n = lane.before.shape[0] * substeps
+    means, earlies, lags = [], [], []
     constants = plant.time_constants()
     for column, axis in enumerate(("x", "l")):
-        w = lane.u[:, column]
+        w = jnp.repeat(lane.u[:, column], substeps)
         chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
         chain.sort(key=lambda effect: effect.order)
-        middle = edges[:-1] + 0.5 * spans
         for effect in chain:
             if not effect.in_time:
                 w = effect.apply(middle, w)
-        for late_by in plant.all(InputDelay):
-            if AXIS_OF_SITE[late_by.site] == axis:
-                # The mean over each interval of the delayed input: exact for its impulse, and smooth in the delay.
-                # What has no memory and no clock may stand before the delay as well as behind it.
-                total = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
-                late = jnp.interp(edges - late_by.delay, edges, total)
-                w = (late[1:] - late[:-1]) / jnp.where(spans > 0, spans, 1.0)
+        early = w
+        # What has no memory and no clock may stand before the delay as well as behind it.
+        late_by = [effect.delay for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+        if late_by:
+            w, early = _delayed(edges, w, sum(late_by[1:], late_by[0]))
         for effect in chain:
             if effect.in_time:
-                w = effect.apply(middle, w)
+                w, early = effect.apply(middle, w), effect.apply(middle, early)
         constant = jnp.maximum(getattr(constants, axis), 1e-9)
         since = lane.start - edges[: n + 1]
         # Outside the time loop the library's exponential costs nothing.
         fading = jnp.exp(-since / constant)
         lags.append(jnp.sum(w[:n] * (fading[1:] - fading[:-1])))
-        inputs.append(w[n:])
-    return jnp.stack(inputs, axis=1), jnp.stack(lags)
+        means.append(w[n:].reshape(-1, substeps))
+        earlies.append(early[n:].reshape(-1, substeps))
+    return Drives(jnp.stack(means, axis=2), jnp.stack(earlies, axis=2), jnp.stack(lags))
+
+
+def _delayed(
+    edges: Float[Array, " edge"], w: Float[Array, " step"], delay: Scalar
+) -> tuple[Float[Array, " step"], Float[Array, " step"]]:
+    """A held input late by `delay`: its mean over every step, and its mean weighted by the time left."""
+    spans = jnp.diff(edges)
+    once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
+    twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+    k = jnp.clip(jnp.searchsorted(edges, edges - delay, side="right") - 1, 0, w.shape[0] - 1)
+    since = jnp.maximum(edges - delay - edges[k], 0.0)
+    integral = once[k] + w[k] * since
+    double = twice[k] + (once[k] + 0.5 * w[k] * since) * since
+    span = jnp.where(spans > 0, spans, 1.0)
+    # The integral of (end - t) w(t) over a step is what the integral gains over the step.
+    gained = double[1:] - double[:-1] - spans * integral[:-1]
+    return (integral[1:] - integral[:-1]) / span, 2.0 * gained / (span * span)
 
 
 def rollout(
@@ -161,8 +197,9 @@ class Interval(NamedTuple):
     """Time at its beginning [s]."""
     h: Scalar
     """Length of a step [s]."""
-    inputs: Axes
-    """Held inputs behind the chains' memoryless parts and delays."""
+    mean: Axes
+    """Inputs behind the chains' memoryless parts and delays, one value a step: see `Drives`."""
+    early: Axes
     left_half: Axes
     """How much of each lag's distance to its target is left after half a step, and after a step."""
     left_whole: Axes
@@ -170,7 +207,7 @@ class Interval(NamedTuple):
 
 def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int) -> tuple[Motions, Interval]:
     """The first motion, and the intervals of a lane (each field with a leading axis of time)."""
-    inputs, lags = drive_inputs(plant, lane)
+    drives = drive_inputs(plant, lane, substeps)
     constants = plant.time_constants()
     q, v = initial_motion(plant, initial, lane.active)
     zero = jnp.zeros_like(q.x)
@@ -182,11 +219,13 @@ def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps:
         x, l_ = (jnp.exp(-share * h / jnp.maximum(constant, 1e-9)) for constant in (constants.x, constants.l))
         return Axes(x, none, l_)
 
-    told = Interval(
-        jnp.arange(starts.shape[0]), starts, h, Axes(inputs[:, 0], none, inputs[:, 1]), left(0.5), left(1.0)
-    )
+    def held(inputs: Float[Array, "time step 2"]) -> Axes:
+        return Axes(inputs[:, :, 0], jnp.zeros_like(inputs[:, :, 0]), inputs[:, :, 1])
+
+    number = jnp.arange(starts.shape[0])
+    told = Interval(number, starts, h, held(drives.mean), held(drives.early), left(0.5), left(1.0))
     z = None if plant.only(PreslidingFriction) is None else zero
-    return Motions(q, v, Axes(lags[0], zero, lags[1]), z), told
+    return Motions(q, v, Axes(drives.lags[0], zero, drives.lags[1]), z), told
 
 
 def advance(
@@ -202,26 +241,43 @@ def advance(
     """The motion one interval later, with an optional push held over it (for linearisation)."""
     constants = plant.time_constants()
     presliding = plant.only(PreslidingFriction)
-    h, zero = now.h, jnp.zeros_like(now.h)
+    h = now.h
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
 
-    def step(carry: Motions, t: Scalar) -> Motions:
-        target = Axes(now.inputs.x, zero, now.inputs.l * plant.drum_gain(carry.q.l))
+    def step(carry: Motions, t: Scalar, mean: Axes, early: Axes) -> Motions:
+        drum = plant.drum_gain(carry.q.l)
+        target, first_target = (held._replace(l=held.l * drum) for held in (mean, early))
 
-        def lag_at(node: float) -> Axes:
+        def lag_at(node: float, lead: float = 0.0) -> Axes:
             if node == 0.0:
-                # With no lag the drive follows at once, from the step's first instant.
-                return Axes(*(jnp.where(c > 0, s, g) for c, s, g in zip(constants, carry.lag, target, strict=True)))
-            rest = now.left_half if node == 0.5 else now.left_whole
-            return Axes(*(g + (s - g) * r for g, s, r in zip(target, carry.lag, rest, strict=True)))
+                lagging = carry.lag
+            else:
+                rest = now.left_half if node == 0.5 else now.left_whole
+                lagging = Axes(*(g + (s - g) * r for g, s, r in zip(target, carry.lag, rest, strict=True)))
+            if lead == 0.0 and node > 0.0:
+                return lagging
+            # With no lag the drive follows at once, from the step's first instant.
+            at_once = (g + lead * (e - g) for g, e in zip(target, first_target, strict=True))
+            return Axes(*(jnp.where(c > 0, s, g) for c, s, g in zip(constants, lagging, at_once, strict=True)))
 
         first = carry.v.at_drives()
         dq, dv = _zeros_like(carry.q), _zeros_like(carry.v)
         stage_q, stage_v, stage_z = carry.q, carry.v, carry.z
-        for i, (node, weight) in enumerate(zip(method.nodes, method.weights, strict=True)):
+        stages = zip(method.nodes, method.weights, method.leads, strict=True)
+        for i, (node, weight, lead) in enumerate(stages):
             a = _acceleration(
-                plant, t + node * h, stage_q, stage_v, lag_at(node), stage_z, active, (carry.q, carry.v), h, go, push
+                plant,
+                t + node * h,
+                stage_q,
+                stage_v,
+                lag_at(node, lead),
+                stage_z,
+                active,
+                (carry.q, carry.v),
+                h,
+                go,
+                push,
             )
             a = materialise(a, go)
             if weight:
@@ -234,14 +290,13 @@ def advance(
         q_next, v_next = _add(carry.q, dq, 1.0), _add(carry.v, dv, 1.0)
         z_next = carry.z
         if presliding is not None and carry.z is not None:
-            mean = 0.5 * (first.x + v_next.at_drives().x)
-            z_next = presliding.deflection(carry.z, mean, h)
+            z_next = presliding.deflection(carry.z, 0.5 * (first.x + v_next.at_drives().x), h)
         return Motions(q_next, v_next, lag_at(1.0), z_next)
 
-    def substep(inner: tuple[Motions, Scalar], _: None) -> tuple[tuple[Motions, Scalar], None]:
-        return (step(*inner), inner[1] + h), None
+    def substep(inner: tuple[Motions, Scalar], held: tuple[Axes, Axes]) -> tuple[tuple[Motions, Scalar], None]:
+        return (step(*inner, *held), inner[1] + h), None
 
-    (carry, _), _ = jax.lax.scan(substep, (carry, now.start), None, length=substeps)
+    (carry, _), _ = jax.lax.scan(substep, (carry, now.start), (now.mean, now.early), length=substeps)
     return carry
 
 

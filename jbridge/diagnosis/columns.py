@@ -208,12 +208,11 @@ def _acts(
         up, down = jax.vmap(effect.levels)(t, q.at_drives()[k], v.at_drives()[k])
         ports = ports.at[:, 5 + k].set(up).at[:, 8 + k].set(down)
     elif isinstance(effect, DrumRadiusChange):
-        base, _ = drive_inputs(plant, lane)
+        base = drive_inputs(plant, lane).mean[:, 0]
         ports = ports.at[:, 1].set(base[:, 1] * effect.slope * (q.l - effect.length))
     elif isinstance(effect, AbstractDrive | InputDelay):
-        base, _ = drive_inputs(plant, lane)
-        changed, _ = drive_inputs(Plant(plant.bridge, (*plant.effects, effect)), lane)
-        ports = ports.at[:, 0:2].set(changed - base)
+        changed = drive_inputs(Plant(plant.bridge, (*plant.effects, effect)), lane).mean
+        ports = ports.at[:, 0:2].set((changed - drive_inputs(plant, lane).mean)[:, 0])
     elif isinstance(effect, AbstractSensor | SensorDelay):
         with_it = readings(Plant(plant.bridge, (*plant.effects, effect)), lane, motions)
         reads = with_it - readings(plant, lane, motions)

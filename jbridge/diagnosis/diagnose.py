@@ -28,6 +28,10 @@ DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
 """Error over noise below which a further effect is not looked for."""
+NONLINEAR = 3.0
+"""Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
+MOST = 0.5
+"""Least share of the excess that an effect must explain where the model is already adequate."""
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
@@ -207,6 +211,9 @@ def _search(
         last = (screened, trials)
         # What a linear screen could not foresee must prove itself the more by simulation.
         least = HOLDS if after >= LEARNABLE else LEARNABLE
+        if state.chi < LARGE:
+            # What no longer raises an alarm needs a further effect only if that explains most of it.
+            least = MOST
         passed = [t for t in trials if not accepts(state, t, least)]
         if not passed:
             break
@@ -239,7 +246,7 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     """Refits what is promising, looking the closer the less that explains."""
     screened = search.look(state)
     trials = search.refit(state, screened)
-    if search.window is None and not _explained(trials, NEAR):
+    if search.window is None and state.chi > NONLINEAR and not _explained(trials, NEAR):
         screened = search.look_closer(state, screened)
         trials += search.refit(state, screened, trials)
     elif not _explained(trials, LARGE):

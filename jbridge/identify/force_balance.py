@@ -84,7 +84,7 @@ def _behind_drives(
 ) -> dict[str, NDArray[np.float64]]:
     one = jnp.ones(())
     lane = Lane(jnp.zeros(()), jnp.full(len(t), period), jnp.asarray(inputs), jnp.zeros(0), Axes(one, one, one))
-    chain = np.asarray(drive_inputs(plant, lane)[0])
+    chain = np.asarray(drive_inputs(plant, lane).mean[:, 0])
     constants = plant.time_constants()
     volts: dict[str, NDArray[np.float64]] = {}
     for k, axis in enumerate(("x", "l")):

@@ -83,7 +83,8 @@ class Engine:
                 np.asarray, _tangents(self.table, *map(jnp.asarray, job), batch.lanes, batch.substeps)
             )
             table = np.concatenate([tangents, residual[:, :, None]], axis=2)
-            products = table @ np.swapaxes(table, 2, 3)
+            with np.errstate(over="ignore", invalid="ignore"):  # a trial that runs away is judged by its cost
+                products = table @ np.swapaxes(table, 2, 3)
             return (products, predicted, tangents) if keep else (products, predicted)
 
         if len(jobs) == 1:

@@ -56,12 +56,12 @@ def linearise(
             flat, restore = ravel_pytree(carry)
 
             def after(state: Array, ports: Array) -> Array:
-                inputs = Axes(now.inputs.x + ports[0], now.inputs.psi, now.inputs.l + ports[1])
+                mean, early = (Axes(h.x + ports[0], h.psi, h.l + ports[1]) for h in (now.mean, now.early))
                 push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
                 moved = advance(
                     plant,
                     restore(state),
-                    now._replace(inputs=inputs, number=number),
+                    now._replace(mean=mean, early=early, number=number),
                     lanes.lane.active,
                     substeps=substeps,
                     push=push,

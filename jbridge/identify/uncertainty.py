@@ -52,7 +52,7 @@ def correlation_time(residual: NDArray[np.float64], measured: NDArray[np.bool_])
 
 def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inverse of a normal matrix, scaled first; directions that the data do not determine come out large."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-200))
     scaled = matrix / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
