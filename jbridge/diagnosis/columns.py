@@ -17,8 +17,8 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .._types import AXES
-from ..identify.lanes import Batch, Lanes
-from ..identify.respond import PORTS, Along, respond
+from ..identify.lanes import Batch, Lanes, refined
+from ..identify.respond import PORTS, Along, linearise, respond
 from ..model.bridge import Bridge
 from ..model.effects.base import (
     AXIS_OF_SITE,
@@ -48,10 +48,20 @@ def candidate_columns(
     table: ParameterTable,
     vector: NDArray[np.float64],
     batch: Batch,
-    along: Along,
+    initial: NDArray[np.float64],
     found: Sequence[Candidate],
 ) -> list[NDArray[np.float64]]:
-    """Weighted tangents of the readings for every candidate: lane, column, sample and channel (flat)."""
+    """Weighted tangents of the readings for every candidate: lane, column, sample and channel (flat).
+
+    Args:
+        table: of the base model.
+        vector: its parameters.
+        batch: lanes.
+        initial: initial states of the lanes.
+        found: candidates without a hidden state.
+    """
+    lanes = refined(batch.lanes, batch.substeps)
+    along = linearise(table, jnp.asarray(vector), jnp.asarray(initial), lanes)
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
     def carry(group: list[_Family]) -> None:
@@ -61,10 +71,10 @@ def candidate_columns(
             jnp.asarray(vector),
             [jnp.asarray(family.points) for family in group],
             [jnp.asarray(family.directions) for family in group],
-            batch.lanes,
+            lanes,
             along,
         )
-        change = np.array(_carried(table, jnp.asarray(vector), batch.lanes, along, *acts))
+        change = np.array(_carried(table, batch.substeps, jnp.asarray(vector), lanes, along, *acts))
         change = change.reshape(*change.shape[:2], -1)
         start = 0
         for family in group:
@@ -152,7 +162,7 @@ def _ports(
     directions: list[Float[Array, "_ _"]],
     lanes: Lanes,
     along: Along,
-) -> tuple[Float[Array, "lane time 11 filled"], Float[Array, "lane sample 3 filled"]]:
+) -> tuple[Float[Array, "lane time 13 filled"], Float[Array, "lane sample 3 filled"]]:
     """What all seeds add at the ports and directly to the readings, filled up to a whole group."""
     through, direct = [], []
     for (own, finite), seeds, directed in zip(families, points, directions, strict=True):
@@ -176,18 +186,18 @@ def _ports(
     return jnp.pad(ports, empty), jnp.pad(reads, empty)
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(jax.jit, static_argnums=(0, 1))
 def _carried(
-    table: ParameterTable, vector: Array, lanes: Lanes, along: Along, ports: Array, reads: Array
+    table: ParameterTable, substeps: int, vector: Array, lanes: Lanes, along: Along, ports: Array, reads: Array
 ) -> Float[Array, "lane column sample 3"]:
     """The weighted change of the readings: one program for all groups."""
     change = respond(table, vector, lanes, along, ports) + jnp.moveaxis(reads, -1, 1)
-    return change * lanes.weight[:, None]
+    return change[:, :, ::substeps] * lanes.weight[:, None]
 
 
 def _acts(
     table: ParameterTable, vector: Array, lanes: Lanes, along: Along, effect: AbstractEffect
-) -> tuple[Float[Array, "time 11"], Float[Array, "sample 3"]]:
+) -> tuple[Float[Array, "time 13"], Float[Array, "sample 3"]]:
     """What an effect adds at the ports of every interval and directly to the readings, for one lane."""
     plant = table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))
     lane, motions = lanes.lane, along.motions
@@ -208,11 +218,13 @@ def _acts(
         up, down = jax.vmap(effect.levels)(t, q.at_drives()[k], v.at_drives()[k])
         ports = ports.at[:, 5 + k].set(up).at[:, 8 + k].set(down)
     elif isinstance(effect, DrumRadiusChange):
-        base = drive_inputs(plant, lane).mean[:, 0]
-        ports = ports.at[:, 1].set(base[:, 1] * effect.slope * (q.l - effect.length))
+        given = drive_inputs(plant, lane).mean[:, 0]
+        change = given[:, 1] * effect.slope * (q.l - effect.length)
+        ports = ports.at[:, 1].set(change).at[:, 12].set(change)
     elif isinstance(effect, AbstractDrive | InputDelay):
-        changed = drive_inputs(Plant(plant.bridge, (*plant.effects, effect)), lane).mean
-        ports = ports.at[:, 0:2].set((changed - drive_inputs(plant, lane).mean)[:, 0])
+        base, changed = (drive_inputs(p, lane) for p in (plant, Plant(plant.bridge, (*plant.effects, effect))))
+        ports = ports.at[:, 0:2].set((changed.mean - base.mean)[:, 0])
+        ports = ports.at[:, 11:13].set((changed.early - base.early)[:, 0])
     elif isinstance(effect, AbstractSensor | SensorDelay):
         with_it = readings(Plant(plant.bridge, (*plant.effects, effect)), lane, motions)
         reads = with_it - readings(plant, lane, motions)

@@ -10,14 +10,12 @@ predict the residual of that one.
 import dataclasses
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.base import columns_for
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine, Gram
-from ..identify.respond import linearise
 from ..identify.solve import Reduced, bounded_step, reduce
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
@@ -136,8 +134,7 @@ def screen(
         vector[None], np.concatenate([free, extra])[None], initial[None], batch, columns=width, keep=True
     )
     assert gram.tangents is not None
-    along = linearise(engine.table, jnp.asarray(vector), jnp.asarray(initial), batch.lanes, batch.substeps)
-    columns = candidate_columns(engine.table, vector, batch, along, effects)
+    columns = candidate_columns(engine.table, vector, batch, initial, effects)
     columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
     everything = [*effects, *numbers]
     _correct_locked(everything, columns, gram.tangents[0, :, width + 2], batch, initial)

@@ -192,6 +192,16 @@ def make_batch(
     )
 
 
+def refined(lanes: Lanes, substeps: int) -> Lanes:
+    """The same lanes with every interval cut into its steps; what was measured stays at the samples."""
+
+    if substeps == 1:
+        return lanes
+    spans, past = (jnp.repeat(span / substeps, substeps, axis=1) for span in (lanes.lane.dt, lanes.lane.before))
+    inputs = jnp.repeat(lanes.lane.u, substeps, axis=1)
+    return eqx.tree_at(lambda lanes: (lanes.lane.dt, lanes.lane.before, lanes.lane.u), lanes, (spans, past, inputs))
+
+
 def _rounded(count: int) -> int:
     """A length a little above `count`, from a coarse list, so that programs are compiled for few lengths."""
     unit = max(1, 2 ** (count.bit_length() - 3))

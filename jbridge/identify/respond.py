@@ -21,8 +21,9 @@ from ..rollout import MIDPOINT as _METHOD
 from ..rollout import Interval, Motions, advance, prepare, readings, rollout
 from .lanes import Lanes
 
-PORTS = 11
-"""Held changes of an interval: inputs of cart and hoist, forces and friction levels up and down on the three axes."""
+PORTS = 13
+"""Held changes of an interval: mean inputs of cart and hoist, forces and friction levels up and down on the three axes,
+and the inputs' means weighted by the time left (`rollout.Drives`)."""
 
 
 class Along(NamedTuple):
@@ -31,23 +32,22 @@ class Along(NamedTuple):
     motions: Motions
     """Lane, sample."""
     to_state: Float[Array, "lane time state state"]
-    to_ports: Float[Array, "lane time state 11"]
+    to_ports: Float[Array, "lane time state 13"]
 
 
-@functools.partial(jax.jit, static_argnums=(0, 4))
+@functools.partial(jax.jit, static_argnums=0)
 def linearise(
     table: ParameterTable,
     vector: Float[Array, " parameter"],
     initial: Float[Array, "lane state"],
     lanes: Lanes,
-    substeps: int,
 ) -> Along:
-    """Trajectories of all lanes and the linearised map of every interval."""
+    """Trajectories of all lanes and the linearised map of every interval, which is one step (`lanes.refined`)."""
 
     def one(start: Array, lanes: Lanes) -> Along:
         plant = _plant(table, vector, lanes)
-        motions = rollout(plant, start, lanes.lane, substeps=substeps, method=_METHOD)
-        _, told = prepare(plant, start, lanes.lane, substeps)
+        motions = rollout(plant, start, lanes.lane, substeps=1, method=_METHOD)
+        _, told = prepare(plant, start, lanes.lane, 1)
         at = jax.tree.map(lambda leaf: leaf[:-1], motions)
         # One interval's number stands for all: what tells `materialise` to go must not depend on time.
         number = told.number[0]
@@ -56,14 +56,15 @@ def linearise(
             flat, restore = ravel_pytree(carry)
 
             def after(state: Array, ports: Array) -> Array:
-                mean, early = (Axes(h.x + ports[0], h.psi, h.l + ports[1]) for h in (now.mean, now.early))
+                mean = Axes(now.mean.x + ports[0], now.mean.psi, now.mean.l + ports[1])
+                early = Axes(now.early.x + ports[11], now.early.psi, now.early.l + ports[12])
                 push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
                 moved = advance(
                     plant,
                     restore(state),
                     now._replace(mean=mean, early=early, number=number),
                     lanes.lane.active,
-                    substeps=substeps,
+                    substeps=1,
                     push=push,
                 )
                 return ravel_pytree(moved)[0]
@@ -81,7 +82,7 @@ def respond(
     vector: Float[Array, " parameter"],
     lanes: Lanes,
     along: Along,
-    ports: Float[Array, "lane time 11 column"],
+    ports: Float[Array, "lane time 13 column"],
 ) -> Float[Array, "lane column sample 3"]:
     """Change of the readings for changes that act through ports, from an unchanged initial state."""
 

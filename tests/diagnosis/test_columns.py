@@ -4,7 +4,6 @@ The oracle shares the engine but nothing of the linearisation: it simulates twic
 takes the difference.
 """
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,7 +11,6 @@ from jbridge.diagnosis.candidates import WRONG_VALUE, candidates
 from jbridge.diagnosis.columns import candidate_columns
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
-from jbridge.identify.respond import linearise
 from jbridge.identify.setting import Setting, scene_of
 from jbridge.model.effects.base import parameters_of
 from jbridge.model.effects.catalogue import CATALOGUE
@@ -59,8 +57,7 @@ def columns():
     engine = Engine(BASE)
     vector = np.array(engine.table.ravel(BASE))
     batch = make_batch(RUNS, NOISE, size=engine.table.size)
-    along = linearise(engine.table, jnp.asarray(vector), jnp.asarray(batch.initial), batch.lanes, batch.substeps)
-    found = candidate_columns(engine.table, vector, batch, along, SCREENED)
+    found = candidate_columns(engine.table, vector, batch, batch.initial, SCREENED)
     return {c.name: (c, column) for c, column in zip(SCREENED, found, strict=True)}
 
 
