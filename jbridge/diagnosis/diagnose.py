@@ -18,7 +18,7 @@ from ..recordings import Recording
 from .adequacy import LARGE, LEARNABLE, SIGNIFICANT, channels, is_large, significance
 from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
-from .search import Search, state_of
+from .search import SUPERFLUOUS, Search, state_of
 from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State, Trial, accepts, held
 from .words import verdict_sentence
@@ -28,6 +28,8 @@ DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
 """Error over noise below which a further effect is not looked for."""
+CLOSE = 1.05
+"""Error over noise below which even effects with a hidden state have nothing left to explain."""
 NONLINEAR = 3.0
 """Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
 MOST = 0.5
@@ -198,6 +200,7 @@ def _search(
         start = base.engine.table.unravel(base.window_vector)
         guess = lanes_for(base.engine.table, plant, setting, setting.recordings, search.window).initial
         state = search.polish(start, model.known, guess, ())
+    first = state, search.window
     steps: list[Step] = []
     if not large or p_value > SIGNIFICANT:
         return state, steps, 0.0, 0.0, (None, [])
@@ -226,10 +229,12 @@ def _search(
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
         steps.append(Step(chosen, trials, before))
         after = 0.0
-        if state.chi < NEAR:
-            break
         if search.window is not None:
             state = _back_to_free_runs(search, state)
+        if len(steps) > 1 and chosen.candidate.unscreened:
+            state, steps = _alone(search, first, state, steps)
+        if state.chi < NEAR:
+            break
     else:
         after = learnable
     if len(steps) > 1:
@@ -242,6 +247,30 @@ def _search(
     return state, steps, learnable, after, last
 
 
+def _alone(
+    search: Search, first: tuple[State, float | None], state: State, steps: list[Step]
+) -> tuple[State, list[Step]]:
+    """An effect with a hidden state in place of all that was accepted before it, if it explains as much.
+
+    What it does may have been explained piecemeal, and from there a fit does not find the way back.
+    """
+    begin, window = first
+    outer, search.window = search.window, window
+    trials = search.mechanisms(begin, steps[-1].chosen.candidate.name)
+    alone = None
+    if trials:
+        trial = trials[0]
+        alone = search.polish(trial.plant, trial.known, trial.initial, (trial.candidate,))
+        if search.window is not None:
+            alone = _back_to_free_runs(search, alone)
+    same = alone is not None and measurements(alone.batch) == measurements(state.batch)
+    if alone is None or not same or alone.cost > state.cost * (1 + SUPERFLUOUS):
+        search.window = outer
+        return state, steps
+    others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
+    return alone, [Step(trials[0], sorted([trials[0], *others], key=lambda t: t.score), steps[0].before)]
+
+
 def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     """Refits what is promising, looking the closer the less that explains."""
     screened = search.look(state)
@@ -252,7 +281,7 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     elif not _explained(trials, LARGE):
         trials += search.refit(state, screened, trials)
     strong = any(t.cost < STRONG * state.cost for t in trials)
-    if not strong and not _explained(trials, LARGE):
+    if not strong and not _explained(trials, CLOSE):
         trials += search.mechanisms(state)
     return screened, sorted(trials, key=lambda t: t.score)
 

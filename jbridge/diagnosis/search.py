@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import WINDOW, columns_for
+from ..identify.base import WINDOW, columns_for, measurements
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
@@ -133,12 +133,12 @@ class Search:
 
         return sorted(self._each(one, list(by_name.values())), key=lambda t: t.score)
 
-    def mechanisms(self, state: State) -> list[Trial]:
-        """Refits of the effects that no linear screen can weigh, from several seeds."""
+    def mechanisms(self, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
+        """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
         scene = scene_of(self.setting, state.plant, self.events)
         found: dict[tuple[str, str], list[Candidate]] = {}
         for c in candidates(state.plant, state.known, self.setting, scene):
-            if c.unscreened:
+            if c.unscreened and only in (None, c.name):
                 found.setdefault(c.name, []).append(c)
         self.progress(f"refitting {len(found)} explanations with a hidden state")
 
@@ -160,14 +160,19 @@ class Search:
 
         # Seeds compete on windows of a few recordings; only what wins there is taken through all of them.
         winners = sorted(self._each(contest, list(found.values())), key=lambda w: w.cost)
-        winners = [w for w in winners if w.cost < _PROMISING * float(without.cost[0])][:2]
+        # Where little is left, half of what exceeds the noise counts as much as a share of the whole.
+        least = float(without.cost[0])
+        enough = max(_PROMISING * least, least - 0.5 * max(least - measurements(lanes), 0.0))
+        winners = [w for w in winners if w.cost < enough][:2]
         return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
     def prune(self, state: State) -> State:
-        """Drops accepted effects that what was accepted later has made superfluous."""
-        for candidate in state.accepted[:-1]:
+        """Drops accepted effects that the others have made superfluous, the latest first."""
+        for candidate in reversed(state.accepted):
             if candidate.kind == WRONG_VALUE:
                 continue
+            if len(state.accepted) == 1:
+                break
             rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
             self.progress(f"trying without {candidate.kind.replace('_', ' ')}")
             kept = tuple(a for a in state.accepted if a is not candidate)

@@ -75,7 +75,7 @@ def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
     free = np.array([table.positions(name)[0] for name in names])
     values = estimates(table, vector, free, cov)
     parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
-    run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None))
+    run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None), windows=False)
     return Rival(kind, site, probability, parameters, run.errors.free_run)
 
 

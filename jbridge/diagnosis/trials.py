@@ -127,14 +127,31 @@ def significance_of(
     cost: float,
     table: ParameterTable,
 ) -> float:
-    """How far the candidate's strongest parameter stands from its null value, in standard deviations."""
+    """How far the candidate's strongest parameter stands from its null value, in standard deviations.
+
+    The entries of a vector count together: one by one they are hardly determined where they share a level with a plain
+    friction, but their shape may be.
+    """
     reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
-    covariance = inverse_normal(reduced.matrix) * max(cost / max(measurements(batch), 1), 1.0)
+    size = max(cost / max(measurements(batch), 1), 1.0)
+    covariance = inverse_normal(reduced.matrix) * size
+    groups: dict[str, list[int]] = {}
     best = 0.0
     for j in range(base, len(free)):
-        info = table.entry(int(free[j])).info
+        entry = table.entry(int(free[j]))
         std = float(np.sqrt(max(covariance[j, j], 1e-300)))
-        best = max(best, abs(vector[free[j]] - info.null) / std)
+        best = max(best, abs(vector[free[j]] - entry.info.null) / std)
+        if entry.info.vector:
+            groups.setdefault(entry.group, []).append(j)
+    for members in groups.values():
+        places = np.array(members)
+        rest = np.setdiff1d(np.arange(len(free)), places)
+        across = reduced.matrix[np.ix_(places, rest)]
+        own = reduced.matrix[np.ix_(places, places)] - across @ (
+            inverse_normal(reduced.matrix[np.ix_(rest, rest)]) @ across.T
+        )
+        away = vector[free[places]] - np.array([table.entry(int(p)).info.null for p in free[places]])
+        best = max(best, float(np.sqrt(max(away @ own @ away, 0.0) / size / len(places))))
     return best
 
 

@@ -39,6 +39,7 @@ def evaluate(
     recordings: Sequence[Recording],
     columns: int = 8,
     like: tuple[Batch | None, Batch | None] = (None, None),
+    windows: bool = True,
 ) -> Run:
     """Free-run and window errors of a model, its parameters held.
 
@@ -48,13 +49,16 @@ def evaluate(
         recordings: what to meet.
         columns: width of a program that is compiled anyway.
         like: batches of whole recordings and of windows whose programs are compiled anyway.
+        windows: whether windows are wanted.
     """
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
     batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns, like[0])
-    windows, within = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1])
-    errors = Errors(_rmse(batch, predicted, setting), _rmse(windows, within, setting))
-    return Run(batch, predicted, errors)
+    within: dict[str, float] = {}
+    if windows:
+        cut, runs = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1])
+        within = _rmse(cut, runs, setting)
+    return Run(batch, predicted, Errors(_rmse(batch, predicted, setting), within))
 
 
 def _simulate(
