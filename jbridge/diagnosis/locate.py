@@ -14,11 +14,17 @@ _LOCAL = 0.25
 """A region counts as local up to this part of what was covered."""
 _SHARE = 0.6
 """Least share of the mismatch inside a region."""
+_CLEAR = 0.3
+"""Least excess of the mean square force over what the final model leaves, relative to that."""
+_VOTES = 0.6
+"""Least share of the recordings in which a region stands out as well."""
 _BRIEF = 0.2
 """A mismatch counts as limited in time up to this part of a recording, in at most so many pieces."""
 _FEW = 2
 _SMOOTH = 0.25
 """Time over which the mismatch is averaged before intervals are cut [s]."""
+
+_Pick = Callable[[Trace], NDArray[np.float64] | None]
 
 
 def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
@@ -29,23 +35,45 @@ def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
     after = _joined(traces, lambda trace: trace.force_after.get(axis))
     # What noise and smoothing leave anyway is no mismatch; the final model tells how much that is.
     floor = float(np.nanmean(after**2)) if after is not None and np.isfinite(after).any() else 0.0
+    if float(np.nanmean(force**2)) < (1 + _CLEAR) * floor:
+        return ()
     # The axis' own place, speed and input, and the rope's length, on which everything hangs.
-    variables = {axis: _joined(traces, lambda trace: trace.coordinates.get(axis))}
-    variables["l"] = _joined(traces, lambda trace: trace.coordinates.get("l"))
-    variables[f"v_{axis}"] = _joined(traces, lambda trace: trace.velocities.get(axis))
-    variables[f"u_{axis}"] = _joined(traces, lambda trace: trace.inputs.get(f"u_{axis}"))
+    picks: dict[str, _Pick] = {
+        axis: lambda trace: trace.coordinates.get(axis),
+        "l": lambda trace: trace.coordinates.get("l"),
+        f"v_{axis}": lambda trace: trace.velocities.get(axis),
+        f"u_{axis}": lambda trace: trace.inputs.get(f"u_{axis}"),
+    }
     found = []
-    for name, values in variables.items():
+    for name, pick in picks.items():
+        values = _joined(traces, pick)
         if values is None or not np.ptp(values[np.isfinite(values)]) > 0:
             continue
         best = _densest(values, force, floor)
-        if best is not None:
+        if best is not None and _repeats(traces, axis, pick, best, floor):
             found.append(Region(name, *best))
     found.sort(key=lambda r: -r.share)
     return tuple(found[:3])
 
 
-def _joined(traces: Sequence[Trace], pick: Callable[[Trace], NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+def _repeats(traces: Sequence[Trace], axis: str, pick: _Pick, found: tuple[float, float, float], floor: float) -> bool:
+    """Whether the force stands out in a region in most of the recordings that come there."""
+    votes = []
+    for trace in traces:
+        values, force = pick(trace), trace.force_before.get(axis)
+        if values is None or force is None:
+            continue
+        known = np.isfinite(values) & np.isfinite(force)
+        inside = known & (values >= found[0]) & (values <= found[1])
+        outside = known & ~inside
+        if inside.sum() < 20 or outside.sum() < 20:
+            continue
+        own, other = (float(np.mean(force[part] ** 2)) - floor for part in (inside, outside))
+        votes.append(own > 2.0 * max(other, 0.0))
+    return bool(votes) and float(np.mean(votes)) >= _VOTES
+
+
+def _joined(traces: Sequence[Trace], pick: _Pick) -> NDArray[np.float64] | None:
     found = [pick(trace) for trace in traces]
     parts = [part for part in found if part is not None]
     return np.concatenate(parts) if len(parts) == len(traces) and parts else None

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from ..identify.result import Estimate
 from ..model.effects.base import SITES
 from ..model.effects.catalogue import CATALOGUE
+from .adequacy import LARGE
 from .candidates import WRONG_VALUE
 from .result import Channel, Location, NamedEffect, Rival
 
@@ -58,6 +59,11 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
     return text
 
 
+def _times(ratio: float) -> str:
+    """A ratio with two digits."""
+    return f"{ratio:.2g}" if ratio < 99.5 else f"{float(f'{ratio:.2g}'):.0f}"
+
+
 def verdict_sentence(
     verdict: str,
     effects: Sequence[NamedEffect],
@@ -75,29 +81,32 @@ def verdict_sentence(
     if verdict == "adequate":
         if not large:
             return (
-                f"The model explains the recordings: what remains is noise, at most {ratio:.2g} times it "
+                f"The model explains the recordings: what remains is noise, at most {_times(ratio)} times it "
                 f"(in the {_CHANNEL_WORDS[worst]})."
             )
         return (
-            f"No physics is missing that these recordings could teach: errors reach {ratio:.2g} times the noise in "
+            f"No physics is missing that these recordings could teach: errors reach {_times(ratio)} times the noise in "
             f"the {_CHANNEL_WORDS[worst]}, but they do not repeat from one recording to another. This is the rig's "
             "own scatter."
         )
     final = max(after[axis].ratio for axis in after)
     where = site_words(location.site) if location.site in SITES else "bridge"
     if verdict == "missing_physics":
-        names = " and ".join(
+        names = [
             f"the value of {e.site}"
             if e.kind == WRONG_VALUE
             else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
             for e in effects
-        )
+        ]
+        listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
-        return f"{lead}: {names}. With it the error falls from {ratio:.2g} to {final:.2g} times the noise in free runs."
+        gain = f"the error falls from {_times(ratio)} to {_times(final)} times the noise in free runs."
+        rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
+        return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
     found = " What was found explains a part of it only." if effects else ""
     if curve:
         found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."
     return (
         f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "
-        f"{final:.2g} times the noise.{found}"
+        f"{_times(final)} times the noise.{found}"
     )
