@@ -111,60 +111,90 @@ class Drives(NamedTuple):
     """Initial values of the lags."""
 
 
-def drive_inputs(plant: Plant, lane: Lane, substeps: int = 1) -> Drives:
+def interval_edges(lane: Lane) -> Float[Array, " edge"]:
+    """Beginnings of all intervals, those before the lane included, and the last end [s]."""
+    spans = jnp.concatenate([lane.before, lane.dt])
+    return jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
+
+
+def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history edge"]:
+    """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
+
+    A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
+    cut where the late input changes, and every part has its steps. (Where sampling is so uneven that an input changes
+    twice in an interval, the second change counts by its moments.)
+    """
+    edges = interval_edges(lane)
+    begin, end = edges[:-1], edges[1:]
+    cuts = []
+    for effect in plant.all(InputDelay):
+        j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
+        late = edges[j] + effect.delay
+        cuts.append(jnp.where(late < end, late, end))
+    between = jnp.sort(jnp.stack(cuts, axis=1), axis=1) if len(cuts) > 1 else jnp.stack(cuts, axis=1) if cuts else None
+    parts = [begin[:, None], end[:, None]] if between is None else [begin[:, None], between, end[:, None]]
+    at = jnp.concatenate(parts, axis=1)
+    inner = at[:, :-1, None] + jnp.diff(at, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
+    return jnp.concatenate([inner.reshape(begin.shape[0], -1), end[:, None]], axis=1)
+
+
+def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] | None = None) -> Drives:
     """What the drives are given over the lane, for cart and hoist.
 
     Args:
         plant: what moves.
         lane: held inputs.
-        substeps: integration steps in each interval.
+        steps: see `step_edges`; by default every interval is one step.
     """
-    spans = jnp.repeat(jnp.concatenate([lane.before, lane.dt]) / substeps, substeps)
-    edges = jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
-    middle = edges[:-1] + 0.5 * spans
-    n = lane.before.shape[0] * substeps
+    edges = interval_edges(lane)
+    n = lane.before.shape[0]
+    if steps is None:
+        steps = jnp.stack([edges[:-1], edges[1:]], axis=1)
+    count, many = steps.shape[0], steps.shape[1] - 1
     means, earlies, lags = [], [], []
     constants = plant.time_constants()
     for column, axis in enumerate(("x", "l")):
-        w = jnp.repeat(lane.u[:, column], substeps)
+        w = lane.u[:, column]
         chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
         chain.sort(key=lambda effect: effect.order)
         for effect in chain:
             if not effect.in_time:
-                w = effect.apply(middle, w)
-        early = w
+                w = effect.apply(edges[:-1], w)
         # What has no memory and no clock may stand before the delay as well as behind it.
         late_by = [effect.delay for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+        mean = early = jnp.broadcast_to(w[:, None], (count, many))
         if late_by:
-            w, early = _delayed(edges, w, sum(late_by[1:], late_by[0]))
+            delay = sum(late_by[1:], late_by[0])
+            mean, early = _delayed(edges, w, steps[:, :-1], steps[:, 1:], delay)
+        middle = 0.5 * (steps[:, :-1] + steps[:, 1:])
         for effect in chain:
             if effect.in_time:
-                w, early = effect.apply(middle, w), effect.apply(middle, early)
+                mean, early = effect.apply(middle, mean), effect.apply(middle, early)
         constant = jnp.maximum(getattr(constants, axis), 1e-9)
-        since = lane.start - edges[: n + 1]
         # Outside the time loop the library's exponential costs nothing.
-        fading = jnp.exp(-since / constant)
-        lags.append(jnp.sum(w[:n] * (fading[1:] - fading[:-1])))
-        means.append(w[n:].reshape(-1, substeps))
-        earlies.append(early[n:].reshape(-1, substeps))
+        fading = jnp.exp(-(lane.start - steps[:n]) / constant)
+        lags.append(jnp.sum(mean[:n] * jnp.diff(fading, axis=1)))
+        means.append(mean[n:])
+        earlies.append(early[n:])
     return Drives(jnp.stack(means, axis=2), jnp.stack(earlies, axis=2), jnp.stack(lags))
 
 
-def _delayed(
-    edges: Float[Array, " edge"], w: Float[Array, " step"], delay: Scalar
-) -> tuple[Float[Array, " step"], Float[Array, " step"]]:
-    """A held input late by `delay`: its mean over every step, and its mean weighted by the time left."""
-    spans = jnp.diff(edges)
-    once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
-    twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
-    k = jnp.clip(jnp.searchsorted(edges, edges - delay, side="right") - 1, 0, w.shape[0] - 1)
-    since = jnp.maximum(edges - delay - edges[k], 0.0)
-    integral = once[k] + w[k] * since
-    double = twice[k] + (once[k] + 0.5 * w[k] * since) * since
-    span = jnp.where(spans > 0, spans, 1.0)
-    # The integral of (end - t) w(t) over a step is what the integral gains over the step.
-    gained = double[1:] - double[:-1] - spans * integral[:-1]
-    return (integral[1:] - integral[:-1]) / span, 2.0 * gained / (span * span)
+def _delayed(edges: Array, w: Array, begin: Array, end: Array, delay: Scalar) -> tuple[Array, Array]:
+    """A held input late by `delay` over spans of time: its mean, and its mean weighted by the time left."""
+    held = jnp.diff(edges)
+    once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * held)])
+    twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * held) * held)])
+
+    def integrals(t: Array) -> tuple[Array, Array]:
+        k = jnp.clip(jnp.searchsorted(edges, t, side="right") - 1, 0, w.shape[0] - 1)
+        since = jnp.maximum(t - edges[k], 0.0)
+        return once[k] + w[k] * since, twice[k] + (once[k] + 0.5 * w[k] * since) * since
+
+    (first, first_twice), (last, last_twice) = integrals(begin - delay), integrals(end - delay)
+    span = jnp.where(end > begin, end - begin, 1.0)
+    # The integral of (end - t) w(t) over a span is what the integral of w gains over it.
+    gained = last_twice - first_twice - (end - begin) * first
+    return (last - first) / span, 2.0 * gained / (span * span)
 
 
 def rollout(
@@ -182,7 +212,7 @@ def rollout(
     first, told = prepare(plant, initial, lane, substeps)
 
     def interval(carry: Motions, now: Interval) -> tuple[Motions, Motions]:
-        carry = advance(plant, carry, now, lane.active, substeps=substeps, method=method)
+        carry = advance(plant, carry, now, lane.active, method=method)
         return carry, carry
 
     _, later = jax.lax.scan(interval, first, told)
@@ -190,15 +220,15 @@ def rollout(
 
 
 class Interval(NamedTuple):
-    """What is known of an interval before the motion is."""
+    """What is known of an interval's steps before the motion is. Every field but the number has an axis of steps."""
 
     number: Int[Array, ""]
-    start: Scalar
-    """Time at its beginning [s]."""
-    h: Scalar
-    """Length of a step [s]."""
+    t: Array
+    """Time at the beginning [s]."""
+    h: Array
+    """Length [s]."""
     mean: Axes
-    """Inputs behind the chains' memoryless parts and delays, one value a step: see `Drives`."""
+    """Inputs behind the chains' memoryless parts and delays: see `Drives`."""
     early: Axes
     left_half: Axes
     """How much of each lag's distance to its target is left after half a step, and after a step."""
@@ -207,12 +237,13 @@ class Interval(NamedTuple):
 
 def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int) -> tuple[Motions, Interval]:
     """The first motion, and the intervals of a lane (each field with a leading axis of time)."""
-    drives = drive_inputs(plant, lane, substeps)
+    steps = step_edges(plant, lane, substeps)
+    drives = drive_inputs(plant, lane, steps)
     constants = plant.time_constants()
     q, v = initial_motion(plant, initial, lane.active)
     zero = jnp.zeros_like(q.x)
-    starts = lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)[:-1]])
-    h = lane.dt / substeps
+    steps = steps[lane.before.shape[0] :]
+    h = jnp.diff(steps, axis=1)
     none = jnp.zeros_like(h)
 
     def left(share: float) -> Axes:
@@ -220,10 +251,10 @@ def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps:
         return Axes(x, none, l_)
 
     def held(inputs: Float[Array, "time step 2"]) -> Axes:
-        return Axes(inputs[:, :, 0], jnp.zeros_like(inputs[:, :, 0]), inputs[:, :, 1])
+        return Axes(inputs[:, :, 0], none, inputs[:, :, 1])
 
-    number = jnp.arange(starts.shape[0])
-    told = Interval(number, starts, h, held(drives.mean), held(drives.early), left(0.5), left(1.0))
+    number = jnp.arange(h.shape[0])
+    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left(0.5), left(1.0))
     z = None if plant.only(PreslidingFriction) is None else zero
     return Motions(q, v, Axes(drives.lags[0], zero, drives.lags[1]), z), told
 
@@ -234,20 +265,19 @@ def advance(
     now: Interval,
     active: Axes,
     *,
-    substeps: int,
     method: Method = MIDPOINT,
     push: Push | None = None,
 ) -> Motions:
     """The motion one interval later, with an optional push held over it (for linearisation)."""
     constants = plant.time_constants()
     presliding = plant.only(PreslidingFriction)
-    h = now.h
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
 
-    def step(carry: Motions, t: Scalar, mean: Axes, early: Axes) -> Motions:
+    def step(carry: Motions, now: Interval) -> tuple[Motions, None]:
+        t, h = now.t, now.h
         drum = plant.drum_gain(carry.q.l)
-        target, first_target = (held._replace(l=held.l * drum) for held in (mean, early))
+        target, first_target = (held._replace(l=held.l * drum) for held in (now.mean, now.early))
 
         def lag_at(node: float, lead: float = 0.0) -> Axes:
             if node == 0.0:
@@ -291,13 +321,34 @@ def advance(
         z_next = carry.z
         if presliding is not None and carry.z is not None:
             z_next = presliding.deflection(carry.z, 0.5 * (first.x + v_next.at_drives().x), h)
-        return Motions(q_next, v_next, lag_at(1.0), z_next)
+        return Motions(q_next, v_next, lag_at(1.0), z_next), None
 
-    def substep(inner: tuple[Motions, Scalar], held: tuple[Axes, Axes]) -> tuple[tuple[Motions, Scalar], None]:
-        return (step(*inner, *held), inner[1] + h), None
-
-    (carry, _), _ = jax.lax.scan(substep, (carry, now.start), (now.mean, now.early), length=substeps)
+    steps = now._replace(number=jnp.zeros_like(now.h, dtype=now.number.dtype))
+    carry, _ = jax.lax.scan(step, carry, steps)
     return carry
+
+
+def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: Axes) -> Motions:
+    """The motion right after impulses of the inputs [input unit times s] at an interval's beginning."""
+    go = now.number < 2**30
+    constants = plant.time_constants()
+    at_once = jnp.zeros_like(now.h[0])
+    impulse = impulse._replace(l=impulse.l * plant.drum_gain(carry.q.l))
+    held = Axes(*(jnp.where(c > 0, s, g[0]) for c, s, g in zip(constants, carry.lag, now.mean, strict=True)))
+    more = Axes(*(h + jnp.where(c > 0, 0.0, i) for c, h, i in zip(constants, held, impulse, strict=True)))
+    before, after = (
+        _acceleration(plant, now.t[0], carry.q, carry.v, volts, carry.z, active, (carry.q, carry.v), at_once, go, None)
+        for volts in (held, more)
+    )
+    # A lag takes the impulse up first.
+    lag = Axes(
+        *(
+            s + jnp.where(c > 0, i / jnp.where(c > 0, c, 1.0), 0.0)
+            for c, s, i in zip(constants, carry.lag, impulse, strict=True)
+        )
+    )
+    v = jax.tree.map(lambda v, a, b: v + (a - b), carry.v, after, before)
+    return carry._replace(v=v, lag=lag)
 
 
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:

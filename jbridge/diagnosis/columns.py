@@ -76,6 +76,8 @@ def candidate_columns(
         )
         change = np.array(_carried(table, batch.substeps, jnp.asarray(vector), lanes, along, *acts))
         change = change.reshape(*change.shape[:2], -1)
+        # What the linear model cannot carry through explains nothing.
+        change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
         start = 0
         for family in group:
             for i in family.members:
@@ -219,12 +221,13 @@ def _acts(
         ports = ports.at[:, 5 + k].set(up).at[:, 8 + k].set(down)
     elif isinstance(effect, DrumRadiusChange):
         given = drive_inputs(plant, lane).mean[:, 0]
-        change = given[:, 1] * effect.slope * (q.l - effect.length)
-        ports = ports.at[:, 1].set(change).at[:, 12].set(change)
+        ports = ports.at[:, 1].set(given[:, 1] * effect.slope * (q.l - effect.length))
     elif isinstance(effect, AbstractDrive | InputDelay):
         base, changed = (drive_inputs(p, lane) for p in (plant, Plant(plant.bridge, (*plant.effects, effect))))
-        ports = ports.at[:, 0:2].set((changed.mean - base.mean)[:, 0])
-        ports = ports.at[:, 11:13].set((changed.early - base.early)[:, 0])
+        mean, early = changed.mean[:, 0] - base.mean[:, 0], changed.early[:, 0] - base.early[:, 0]
+        # The two moments of the change, as a change that is held and an impulse at the beginning.
+        ports = ports.at[:, 0:2].set(2.0 * mean - early)
+        ports = ports.at[:, 11:13].set((early - mean) * lane.dt[:, None])
     elif isinstance(effect, AbstractSensor | SensorDelay):
         with_it = readings(Plant(plant.bridge, (*plant.effects, effect)), lane, motions)
         reads = with_it - readings(plant, lane, motions)

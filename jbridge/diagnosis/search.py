@@ -270,11 +270,13 @@ class Search:
     ) -> Trial:
         free = fits.free[k]
         products = fits.gram.products[k]
-        cv = cross_validated(products, len(free), width, fits.initial[k], batch, folds(batch))
+        ran = bool(np.isfinite(products).all())
+        cv = cross_validated(products, len(free), width, fits.initial[k], batch, folds(batch)) if ran else np.inf
         known = state.known - ({candidate.site} if candidate.kind == WRONG_VALUE else set())
         plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
-        cost = float(fits.cost[k])
-        z = significance_of(products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
+        cost = float(fits.cost[k]) if ran else np.inf
+        weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
+        z = significance_of(*weighed) if ran else 0.0
         return Trial(
             candidate,
             plant,

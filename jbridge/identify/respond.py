@@ -18,12 +18,12 @@ from .._types import Axes
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant, Push
 from ..rollout import MIDPOINT as _METHOD
-from ..rollout import Interval, Motions, advance, prepare, readings, rollout
+from ..rollout import Interval, Motions, advance, kicked, prepare, readings, rollout
 from .lanes import Lanes
 
 PORTS = 13
-"""Held changes of an interval: mean inputs of cart and hoist, forces and friction levels up and down on the three axes,
-and the inputs' means weighted by the time left (`rollout.Drives`)."""
+"""What may act on an interval: changes of the inputs of cart and hoist, forces and friction levels up and down on the
+three axes, all held, and impulses of the two inputs at the interval's beginning."""
 
 
 class Along(NamedTuple):
@@ -54,17 +54,17 @@ def linearise(
 
         def jacobian(carry: Motions, now: Interval) -> tuple[Array, Array]:
             flat, restore = ravel_pytree(carry)
+            now = now._replace(number=number)
 
             def after(state: Array, ports: Array) -> Array:
-                mean = Axes(now.mean.x + ports[0], now.mean.psi, now.mean.l + ports[1])
-                early = Axes(now.early.x + ports[11], now.early.psi, now.early.l + ports[12])
+                mean, early = (Axes(h.x + ports[0], h.psi, h.l + ports[1]) for h in (now.mean, now.early))
+                at_once = Axes(ports[11], jnp.zeros(()), ports[12])
                 push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
                 moved = advance(
                     plant,
-                    restore(state),
-                    now._replace(mean=mean, early=early, number=number),
+                    kicked(plant, restore(state), now, lanes.lane.active, at_once),
+                    now._replace(mean=mean, early=early),
                     lanes.lane.active,
-                    substeps=1,
                     push=push,
                 )
                 return ravel_pytree(moved)[0]

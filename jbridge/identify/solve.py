@@ -174,14 +174,15 @@ def solve(
     gram = engine.gram(vectors, places, initial, batch, columns=columns)
     products, predicted = gram.products, gram.predicted
     damping = np.full(rows, _START_DAMPING)
-    active = np.ones(rows, bool)
+    # A start that runs away has no tangents to go by.
+    active = np.array([np.isfinite(own).all() for own in products])
     quiet = np.zeros(rows, int)
     done = 0
     for done in range(1, iterations + 1):
         chosen = np.flatnonzero(active)
         if not len(chosen):
             break
-        trial_v, trial_i = vectors[chosen].copy(), initial[chosen].copy()
+        trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
             weighted = products[r] * lane_weight[r][:, None, None]
@@ -190,15 +191,19 @@ def solve(
             trial_v[j, f] += step
             moved = reduced.back @ step + reduced.shift
             trial_i[j] += moved
+            foreseen[j] = _foreseen(products[r], lane_weight[r], step, moved, columns)
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
             old = _objective(products[r], lane_weight[r], initial[r], batch)
             new = _objective(gram.products[j], lane_weight[r], trial_i[j], batch)
-            if np.isfinite(new) and new < old:
+            if np.isfinite(gram.products[j]).all() and new < old:
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
+                squares = (products[r, :, -1, -1] * lane_weight[r]).sum()
+                ratio = (squares - (gram.products[j, :, -1, -1] * lane_weight[r]).sum()) / max(foreseen[j], 1e-300)
                 products[r], predicted[r] = gram.products[j], gram.predicted[j]
-                damping[r] = max(damping[r] * 0.1, 1e-9)
+                # The less a step keeps of what the linear model promised, the less the next one may trust it.
+                damping[r] = np.clip(damping[r] * (0.1 if ratio > 0.75 else 1.0 if ratio > 0.25 else 3.0), 1e-9, None)
                 quiet[r] = quiet[r] + 1 if gain < tolerance else 0
             else:
                 damping[r] = damping[r] * 10.0
@@ -207,11 +212,27 @@ def solve(
                 active[r] = False
         if drop is not None and done >= _BEFORE_DROP:
             costs = (products[:, :, -1, -1] * lane_weight).sum(axis=1)
-            active &= costs <= drop * costs.min()
+            active &= costs <= drop * np.nanmin(costs)
         if progress is not None:
             best = min(float((products[r, :, -1, -1] * lane_weight[r]).sum()) for r in range(rows))
             progress(f"iteration {done}: {active.sum()} fits going, best cost {best:.4g}")
     return Fits(vectors, list(free), initial, Gram(products, predicted), done)
+
+
+def _foreseen(
+    products: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    step: NDArray[np.float64],
+    moved: NDArray[np.float64],
+    columns: int,
+) -> float:
+    """Decrease of the sum of squares that the linear model promises for a step of parameters and initial states."""
+    change = np.zeros((len(moved), products.shape[1] - 1))
+    change[:, : len(step)] = step
+    change[:, columns:] = moved
+    slope = 2.0 * np.einsum("lc,lc->l", change, products[:, :-1, -1])
+    curve = np.einsum("lc,lcd,ld->l", change, products[:, :-1, :-1], change)
+    return -float(((slope + curve) * weight).sum())
 
 
 def _objective(

