@@ -16,6 +16,7 @@ from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording
 from .adequacy import LARGE, LEARNABLE, SIGNIFICANT, channels, is_large, significance
+from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
 from .search import SUPERFLUOUS, Search, state_of
@@ -79,6 +80,18 @@ def diagnose(
     window = None if base.chi < DRIFTING else WINDOW
     search = Search(setting, window, progress)
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
+    badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
+    if large and p_value <= SIGNIFICANT and learnable < LEARNABLE:
+        tell("asking whether the missing force repeats")
+        predicted = base.fits.gram.predicted[0]
+        shares = repeating_share(base_plant, setting.recordings, base.free_run, predicted, setting.noise)
+        learnable = max([learnable, *(shares.get(axis, 0.0) for axis in badly)])
+    if steps and search.window is None and state.chi > LARGE and learnable_after < LEARNABLE:
+        gram = state.engine.gram(
+            state.vector[None], state.free[None], state.initial[None], state.batch, columns=columns_for(len(state.free))
+        )
+        shares = repeating_share(state.plant, setting.recordings, state.batch, gram.predicted[0], setting.noise)
+        learnable_after = max([learnable_after, *(shares.get(axis, 0.0) for axis in badly)])
     alarm = bool(large and p_value <= SIGNIFICANT and learnable >= LEARNABLE)
     repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= LEARNABLE)
     curved = search.curve(state) if repeats else None

@@ -104,15 +104,25 @@ def warnings(
     out = []
     stds = np.sqrt(np.maximum(np.diag(cov), 0.0))
     low, high = table.bounds()
+    loose: dict[str, list[int]] = {}
     for i, place in enumerate(free):
         entry = table.entry(int(place))
         if stds[i] > 0.5 * max(abs(vector[place]), 1e-9):
+            if entry.info.vector:
+                loose.setdefault(entry.group, []).append(i)
+                continue
             out.append(
                 f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
                 f"{_NORMAL * stds[i]:.2g}."
             )
         elif vector[place] <= low[place] or vector[place] >= high[place]:
             out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")
+    for group, members in loose.items():
+        count = len(table.positions(group))
+        out.append(
+            f"The recordings hardly determine {len(members)} of the {count} values of {group}: trust their "
+            "shape, not their level."
+        )
     for i in range(len(free)):
         for j in range(i):
             both = stds[i] * stds[j]
@@ -120,6 +130,7 @@ def warnings(
                 both > 0
                 and abs(cov[i, j]) / both > 0.995
                 and table.entry(int(free[i])).group != table.entry(int(free[j])).group
+                and not (table.entry(int(free[i])).info.vector or table.entry(int(free[j])).info.vector)
             ):
                 out.append(
                     f"The recordings hardly tell {table.entry(int(free[j])).name} from "

@@ -144,6 +144,10 @@ def shown_entries(estimate: Estimate) -> list[Shown]:
     scale = scale_for(estimate.unit, [*values, *lows, *highs])
     known = [std for std in stds if std is not None and math.isfinite(std) and std > 0]
     finest = min(known) * scale.factor if known else None
+    if finest is not None and len(values) > 1:
+        # A curve keeps its shape even where nothing but its shape is determined.
+        largest = max((abs(value) for value in values if value is not None), default=0.0) * scale.factor
+        finest = min(finest, 0.1 * largest) if largest > 0 else finest
 
     def text(number: float | None) -> str:
         return _rounded(None if number is None else number * scale.factor, finest)
