@@ -25,6 +25,8 @@ from .trials import EFFECTIVE, State, Trial, accepts, held
 from .words import verdict_sentence
 
 MOST_EFFECTS = 6
+MOST_WITH_MECHANISMS = 2
+"""Effects after which those with a hidden state, which take longest to try, are tried no more."""
 DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
@@ -294,7 +296,7 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     elif not _explained(trials, LARGE):
         trials += search.refit(state, screened, trials)
     strong = any(t.cost < STRONG * state.cost for t in trials)
-    if not strong and not _explained(trials, CLOSE):
+    if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
         trials += search.mechanisms(state)
     return screened, sorted(trials, key=lambda t: t.score)
 

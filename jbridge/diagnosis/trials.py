@@ -18,6 +18,8 @@ EFFECTIVE = 1000.0
 """Effective number of independent samples, for weighing costs against parameters."""
 _GAIN = 0.03
 """Least share of the cost that an acceptance must bring."""
+_LATER_GAIN = 0.25
+"""The same from the third effect on: what nobody catalogued is not to be pieced together from small gains."""
 _SIGNIFICANT = 4.0
 """Least distance of a parameter from its null value, in standard deviations."""
 
@@ -169,7 +171,8 @@ def accepts(state: State, trial: Trial, least: float) -> str:
         trial: what is tried.
         least: least share of the excess that must hold on recordings left out.
     """
-    if not trial.cost < state.cost * (1 - _GAIN):
+    gain = _GAIN if len(state.accepted) < 2 else _LATER_GAIN
+    if not trial.cost < state.cost * (1 - gain):
         return "gains too little"
     if held(state, trial) < least:
         return "does not hold on recordings left out"
