@@ -77,6 +77,17 @@ def test_rows_are_fits_of_their_own(problem):
     assert both.vectors[1, free[1]] == other[free[1]] and both.cost[1] > both.cost[0]
 
 
+def test_a_start_that_runs_away_is_left_where_it_is(problem):
+    """A negative damping without measure: infinite within the run, and no harm to the fit of another row."""
+    engine, batch, vector, free = problem
+    wild = vector.copy()
+    wild[free[0]] = -1e6
+    both = solve(engine, batch, np.array([wild, vector]), [free, free], columns=8, iterations=30, tolerance=1e-10)
+    np.testing.assert_array_equal(both.vectors[0], wild)
+    assert not np.isfinite(both.cost[0])
+    np.testing.assert_allclose(both.vectors[1], solved(problem).vectors[0], rtol=1e-9)
+
+
 def test_a_lane_of_weight_0_is_left_out(problem):
     engine, batch, vector, free = problem
     spoilt = dataclasses.replace(batch, lanes=_spoilt(batch))
