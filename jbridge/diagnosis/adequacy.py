@@ -2,8 +2,8 @@
 
 *Large*: some channel is met worse than 1.5 times its noise. *Significant*: residuals hang together over longer times
 than noise does, judged against the same residuals with the signs of short blocks drawn at random. *Learnable*: what
-is chosen on some recordings predicts the residual of the others (`screen`); what is large but does not repeat is the
-rig's own scatter.
+is chosen on some recordings predicts the residual of the others (`screen`), or the force that is missing (`repeats`);
+what is large but does not repeat is the rig's own scatter.
 """
 
 from collections.abc import Mapping
@@ -20,6 +20,11 @@ LARGE = 1.5
 SIGNIFICANT = 0.01
 LEARNABLE = 0.3
 """Least share of the excess that must repeat from one recording to another."""
+FORESEEN = 0.15
+"""Least share of the missing force that other recordings must foresee (`repeats`) for the same. Where nothing repeats the
+share is nothing, since a force that was learned from scatter makes matters worse."""
+STILL_LEARNABLE = 0.1
+"""Either, for what named effects leave over: if so much of it repeats, the names are not the whole truth."""
 _BLOCK = 0.1
 """Length of the blocks whose signs are drawn [s]."""
 _SPAN = 1.0

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..identify.base import WINDOW, BaseFit, base_fit, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
@@ -15,7 +17,7 @@ from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording
-from .adequacy import LARGE, LEARNABLE, SIGNIFICANT, channels, is_large, significance
+from .adequacy import FORESEEN, LARGE, LEARNABLE, SIGNIFICANT, STILL_LEARNABLE, channels, is_large, significance
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
@@ -83,19 +85,17 @@ def diagnose(
     search = Search(setting, window, progress)
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
     badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
-    if large and p_value <= SIGNIFICANT and learnable < LEARNABLE:
+    repeating = learnable >= LEARNABLE
+    if large and p_value <= SIGNIFICANT and not repeating:
         tell("asking whether the missing force repeats")
-        predicted = base.fits.gram.predicted[0]
-        shares = repeating_share(base_plant, setting.recordings, base.free_run, predicted, setting.noise)
-        learnable = max([learnable, *(shares.get(axis, 0.0) for axis in badly)])
-    if steps and search.window is None and state.chi > LARGE and learnable_after < LEARNABLE:
-        gram = state.engine.gram(
-            state.vector[None], state.free[None], state.initial[None], state.batch, columns=columns_for(len(state.free))
-        )
-        shares = repeating_share(state.plant, setting.recordings, state.batch, gram.predicted[0], setting.noise)
+        foreseen = _foreseen(base, setting, badly)
+        learnable, repeating = max(learnable, foreseen), foreseen >= FORESEEN
+    if steps and search.window is None and state.chi > LARGE and learnable_after < STILL_LEARNABLE:
+        predicted = np.asarray(state.engine.motions(state.vector, state.initial, state.batch)[1])
+        shares = repeating_share(state.plant, setting.recordings, state.batch, predicted, setting.noise)
         learnable_after = max([learnable_after, *(shares.get(axis, 0.0) for axis in badly)])
-    alarm = bool(large and p_value <= SIGNIFICANT and learnable >= LEARNABLE)
-    repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= LEARNABLE)
+    alarm = bool(large and p_value <= SIGNIFICANT and repeating)
+    repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = search.curve(state) if repeats else None
     state = curved or state
     changed = bool(steps) or curved is not None
@@ -110,7 +110,7 @@ def diagnose(
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
     # A force without a name makes the simulation usable, but it explains nothing.
-    still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= LEARNABLE)))
+    still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= STILL_LEARNABLE)))
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     location = location_of(alarm, effects, steps, last, shown, setting)
@@ -150,6 +150,8 @@ def diagnose(
             "large": LARGE,
             "significant": SIGNIFICANT,
             "learnable": LEARNABLE,
+            "foreseen": FORESEEN,
+            "still_learnable": STILL_LEARNABLE,
             "compared_on": "free runs" if window is None else f"windows of {window:g} s",
             "most_effects": MOST_EFFECTS,
             "effective_samples": EFFECTIVE,
@@ -157,6 +159,17 @@ def diagnose(
         },
         time.perf_counter() - begun,
     )
+
+
+def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
+    """Largest share of the missing force of some axes that other recordings foresee.
+
+    On windows a missing force has pulled the parameters less far away than on whole recordings.
+    """
+    plant = base.engine.table.unravel(base.window_vector)
+    predicted = np.asarray(base.engine.motions(base.window_vector, base.fits.initial[0], base.free_run)[1])
+    shares = repeating_share(plant, setting.recordings, base.free_run, predicted, setting.noise)
+    return max(shares.get(axis, 0.0) for axis in axes)
 
 
 def _split(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
