@@ -130,7 +130,8 @@ def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history
     for effect in plant.all(InputDelay):
         j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
         late = edges[j] + effect.delay
-        cuts.append(jnp.where(late < end, late, end))
+        # Rounding may put a delay of whole intervals a hair before the interval.
+        cuts.append(jnp.where(late < end, jnp.where(late < begin, begin, late), end))
     between = jnp.sort(jnp.stack(cuts, axis=1), axis=1) if len(cuts) > 1 else jnp.stack(cuts, axis=1) if cuts else None
     parts = [begin[:, None], end[:, None]] if between is None else [begin[:, None], between, end[:, None]]
     at = jnp.concatenate(parts, axis=1)

@@ -21,8 +21,8 @@ SIGNIFICANT = 0.01
 LEARNABLE = 0.3
 """Least share of the excess that must repeat from one recording to another."""
 FORESEEN = 0.15
-"""Least share of the missing force that other recordings must foresee (`repeats`) for the same. Where nothing repeats the
-share is nothing, since a force that was learned from scatter makes matters worse."""
+"""Least share of the missing force that other recordings must foresee (`repeats`) for the same. Where nothing
+repeats the share is nothing, since a force that was learned from scatter makes matters worse."""
 STILL_LEARNABLE = 0.1
 """Either, for what named effects leave over: if so much of it repeats, the names are not the whole truth."""
 _BLOCK = 0.1
@@ -44,7 +44,8 @@ def channels(batch: Batch, predicted: NDArray[np.float64], noise: Mapping[str, f
 
 
 def is_large(found: Mapping[str, Channel]) -> bool:
-    return any(channel.ratio > LARGE for channel in found.values())
+    # Written so that what is no number counts as large.
+    return any(not channel.ratio <= LARGE for channel in found.values())
 
 
 def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) -> float:

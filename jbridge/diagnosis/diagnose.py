@@ -75,6 +75,12 @@ def diagnose(
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
+    if not np.isfinite(base.fits.cost[0]):
+        names = ", ".join(r.name for r in recordings)
+        raise InputError(
+            f"{names}: the model's simulation runs away from these recordings; check the signs and units of the inputs "
+            "and the model's numbers"
+        )
     base_plant = base.engine.table.unravel(base.vector)
     width = columns_for(len(base.free))
     found = channels(base.free_run, base.fits.gram.predicted[0], setting.noise)
@@ -245,7 +251,8 @@ def _search(
         if state.chi < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
             least = MOST
-        passed = [t for t in trials if not accepts(state, t, least)]
+        reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+        passed = [t for t in trials if not reasons[t.candidate.name]]
         if not passed:
             break
         chosen = passed[0]
@@ -255,7 +262,7 @@ def _search(
         before = state.chi
         tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
-        steps.append(Step(chosen, trials, before))
+        steps.append(Step(chosen, trials, {name: why for name, why in reasons.items() if why}, before))
         after = 0.0
         if search.window is not None:
             state = _back_to_free_runs(search, state)
@@ -296,7 +303,9 @@ def _alone(
         search.window = outer
         return state, steps
     others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
-    return alone, [Step(trials[0], sorted([trials[0], *others], key=lambda t: t.score), steps[0].before)]
+    ranked = sorted([trials[0], *others], key=lambda t: t.score)
+    refused = {name: why for name, why in steps[0].refused.items() if name != trials[0].candidate.name}
+    return alone, [Step(trials[0], ranked, refused, steps[0].before)]
 
 
 def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:

@@ -37,16 +37,16 @@ def repeating_share(
 
     Args:
         plant: the fitted model.
-        recordings: measured runs, at least two.
+        recordings: measured runs. Of a single one, quarters take the place of recordings.
         batch: whole recordings, in the same order.
         predicted: the model's readings on them.
         noise: standard deviation of each channel.
     """
-    if len(recordings) < 2:
-        return {}
     played = [_played(r, batch, i, predicted[i], noise) for i, r in enumerate(recordings)]
     measured = [balance(plant, r) for r in recordings]
     simulated = [balance(plant, r) for r in played]
+    if len(recordings) == 1:
+        measured, simulated = _quarters(measured[0]), _quarters(simulated[0])
     shares = {}
     for axis in AXES:
         if not all(axis in b.force for b in measured):
@@ -71,6 +71,14 @@ def _played(
             clean = np.interp(times, grid.times, predicted[: grid.intervals + 1, k])
             changed[axis] = clean + noise.get(axis, 0.0) * rng.standard_normal(len(times))
     return dataclasses.replace(recording, **changed)
+
+
+def _quarters(b: Balance) -> list[Balance]:
+    parts = []
+    for rows in np.array_split(np.arange(len(b.times)), 4):
+        q, v, force, u = ({name: values[rows] for name, values in part.items()} for part in (b.q, b.v, b.force, b.u))
+        parts.append(Balance(b.times[rows], q, v, force, u))
+    return parts
 
 
 def _foreseen(balances: Sequence[Balance], axis: str) -> tuple[float, float]:

@@ -27,6 +27,8 @@ _GREEDY = 4
 """Most explanations that the flexible model combines."""
 _KEPT = 30
 """Explanations that stay in play after the first has been chosen."""
+_EXCESS = 1.2
+"""Least mean square over the noise's at which it is asked what of the excess could be learned."""
 _EFFECTIVE = 1000.0
 """Effective number of independent samples: a recording's residuals are far from independent."""
 
@@ -38,17 +40,20 @@ class Screened:
     candidate: Candidate
     cost: float
     """Predicted sum of squares after a refit."""
+    base_names: tuple[str, ...]
+    """The base's free parameters."""
     base_step: NDArray[np.float64]
-    """Expected change of the base's free parameters."""
+    """Their expected change."""
     own_step: NDArray[np.float64]
     """Expected change of the candidate's; for a finite seed, how much of it."""
 
-    def start(self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Where a refit should start."""
+    def start(self, table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where a refit should start, in the table of the model with the candidate."""
         vector = self.candidate.set(table, vector)
         if not self.candidate.finite:
             low, high = table.bounds()
-            places = np.concatenate([free, self.candidate.places(table)])
+            base = np.array([table.positions(name)[0] for name in self.base_names], np.int64)
+            places = np.concatenate([base, self.candidate.places(table)])
             # Less than a linear model promises, which overstates what is strongly nonlinear.
             step = 0.7 * np.concatenate([self.base_step, self.own_step])
             vector[places] = np.clip(vector[places] + step, low[places], high[places])
@@ -141,6 +146,7 @@ def screen(
     normal = _normal_equations(gram, batch, initial, base, width, columns)
     low_all, high_all = engine.table.bounds()
     whole = normal.over(np.ones(batch.count, bool))
+    names = tuple(engine.table.entry(int(place)).name for place in free)
     ranked: list[Screened] = []
     groups: list[tuple] = []
     start = base
@@ -157,7 +163,7 @@ def screen(
         step = whole.step(*group)
         groups.append(group)
         if candidate not in unnamed:
-            ranked.append(Screened(candidate, whole.after(group[0], step), step[:base], step[base:]))
+            ranked.append(Screened(candidate, whole.after(group[0], step), names, step[:base], step[base:]))
     learnable = _learnable(normal, groups, batch, base)
     ranked.sort(key=lambda s: s.cost)
     return Screen(ranked, learnable)
@@ -240,7 +246,8 @@ def _normal_equations(
 def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) -> float:
     """Share of the excess over noise that explanations chosen on the other recordings predict."""
     names = np.unique(batch.recording[batch.recording >= 0])
-    if len(names) < 2 or not groups:
+    # A share of next to nothing would mean nothing.
+    if len(names) < 2 or not groups or normal.cost.sum() < _EXCESS * normal.count.sum():
         return 0.0
     removed, excess = 0.0, 0.0
     for r in names:

@@ -128,7 +128,7 @@ class Search:
 
         def one(items: list[Screened]) -> Trial:
             engine, vector, free = self._with(state, items[0].candidate)
-            rows = np.array([i.start(engine.table, vector, free) for i in items])
+            rows = np.array([i.start(engine.table, vector) for i in items])
             return self._refit(state, [i.candidate for i in items], engine, rows, free)
 
         return sorted(self._each(one, list(by_name.values())), key=lambda t: t.score)
@@ -156,7 +156,9 @@ class Search:
             batch = lanes_for(engine.table, engine.table.unravel(rows[0]), self.setting, few, WINDOW)
             tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)
             best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
-            return _Contest(float(tries.cost[best]), seeds[best], engine, tries.vectors[best], free)
+            return _Contest(
+                float(np.nan_to_num(tries.cost[best], nan=np.inf)), seeds[best], engine, tries.vectors[best], free
+            )
 
         # Seeds compete on windows of a few recordings; only what wins there is taken through all of them.
         winners = sorted(self._each(contest, list(found.values())), key=lambda w: w.cost)
@@ -275,7 +277,8 @@ class Search:
         known = state.known - ({candidate.site} if candidate.kind == WRONG_VALUE else set())
         plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
         cost = float(fits.cost[k]) if ran else np.inf
-        weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table)
+        given = transfer(state.engine.table, state.vector, engine.table, fits.vectors[k])
+        weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table, given)
         z = significance_of(*weighed) if ran else 0.0
         return Trial(
             candidate,

@@ -33,14 +33,20 @@ class Step:
 
     chosen: Trial
     trials: list[Trial]
+    refused: dict[tuple[str, str], str]
+    """Why explanations did not pass."""
     before: float
+
+    @property
+    def passed(self) -> list[Trial]:
+        return [trial for trial in self.trials if trial.candidate.name not in self.refused]
 
 
 def _weights(step: Step) -> dict[tuple[str, str], float]:
-    """Probability of every explanation of a step."""
-    scores = np.array([t.score for t in step.trials])
+    """Probability of every explanation of a step that passed."""
+    scores = np.array([t.score for t in step.passed])
     odds = np.exp(-0.5 * (scores - scores.min()))
-    return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.trials, odds, strict=True)}
+    return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.passed, odds, strict=True)}
 
 
 def named_of(
@@ -53,7 +59,7 @@ def named_of(
         own = weights[(kind, site)]
         parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
         rivals: list[Rival] = []
-        for trial in step.trials:
+        for trial in step.passed:
             name = trial.candidate.name
             if name == (kind, site) or weights[name] < RIVAL * own or len(rivals) == 3:
                 continue
@@ -140,7 +146,7 @@ def trials_of(
                     "ratio": chi(trial.cost, trial.batch),
                     "cross_validated": chi(trial.cross_validated, trial.batch),
                     "accepted": trial is step.chosen,
-                    "why": "" if trial is step.chosen else "explains less",
+                    "why": "" if trial is step.chosen else step.refused.get(trial.candidate.name, "explains less"),
                 }
             )
     shown = {id(t) for step in steps for t in step.trials}

@@ -128,6 +128,7 @@ def significance_of(
     base: int,
     cost: float,
     table: ParameterTable,
+    given: NDArray[np.float64],
 ) -> float:
     """How far the candidate's strongest parameter stands from its null value, in standard deviations.
 
@@ -142,7 +143,9 @@ def significance_of(
     for j in range(base, len(free)):
         entry = table.entry(int(free[j]))
         std = float(np.sqrt(max(covariance[j, j], 1e-300)))
-        best = max(best, abs(vector[free[j]] - entry.info.null) / std)
+        # A number of the bridge that counted as known may be wrong: its null value is what its owner wrote.
+        null = given[free[j]] if entry.owner < 0 else entry.info.null
+        best = max(best, abs(vector[free[j]] - null) / std)
         if entry.info.vector:
             groups.setdefault(entry.group, []).append(j)
     for members in groups.values():

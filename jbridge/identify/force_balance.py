@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from .._types import AXES, Axes, Scalar
+from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
 from ..rollout import Lane, drive_inputs
@@ -36,7 +37,18 @@ class Balance:
 
 
 def balance(plant: Plant, recording: Recording) -> Balance:
-    """Residual force of a recording under a plant."""
+    """Residual force of a recording under a plant; what the sensors do wrong is not undone.
+
+    Args:
+        plant: the model.
+        recording: measured run, whose own parameter values take the place of the plant's.
+    """
+    if recording.override:
+        table = ParameterTable(plant)
+        vector = np.array(table.ravel(plant))
+        for name, value in recording.override.items():
+            vector[table.positions(name)] = value
+        plant = table.unravel(vector)
     period = max(recording.period, 0.002)
     t = np.arange(0.0, recording.duration, period)
     rows = recording.times - recording.times[0]

@@ -81,12 +81,14 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
         units |= recording.units
     lengths = [
         float(np.mean(r.l)) if r.l is not None else r.locked_length
-        for r in everything
+        for r in recordings
         if r.l is not None or r.locked_length is not None
     ]
     known_lengths = [value for value in lengths if value is not None]
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
-    return Setting(tuple(recordings), tuple(holdout), noise_floor(everything), axes, units, length)
+    # The hold-out serves for channels that nothing else tells of, and for nothing more.
+    noise = noise_floor(holdout) | noise_floor(recordings)
+    return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length)
 
 
 def resolve(plant: Plant, length: float) -> Plant:
