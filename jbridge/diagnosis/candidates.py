@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..identify.setting import Setting
 from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, options_of
-from ..model.effects.catalogue import CATALOGUE
+from ..model.effects.catalogue import CATALOGUE, UNNAMED
 from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -85,6 +85,17 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
         if number in known and _matters(number, setting):
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False))
     return found
+
+
+def unnamed_forces(setting: Setting, scene: Scene) -> list[Candidate]:
+    """The forces without a name, on every axis that moves."""
+    return [
+        Candidate(kind, site, dict(seed.values), seed.free, False)
+        for kind, cls in UNNAMED.items()
+        for site in cls.sites
+        if AXIS_OF_SITE[site] in setting.axes
+        for seed in cls.seeds(site, scene)
+    ]
 
 
 def _matters(number: str, setting: Setting) -> bool:

@@ -22,6 +22,7 @@ from ..model.effects.catalogue import KINDS
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE, Candidate
 from .columns import candidate_columns
+from .trials import EFFECTIVE
 
 _GREEDY = 4
 """Most explanations that the flexible model combines."""
@@ -29,8 +30,6 @@ _KEPT = 30
 """Explanations that stay in play after the first has been chosen."""
 _EXCESS = 1.2
 """Least mean square over the noise's at which it is asked what of the excess could be learned."""
-_EFFECTIVE = 1000.0
-"""Effective number of independent samples: a recording's residuals are far from independent."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -272,7 +271,7 @@ def _greedy(others: _Sum, groups: list[tuple], base: int) -> tuple[NDArray[np.in
             trial = groups[g] if current is None else _joined(current, groups[g], base)
             step = others.step(*trial)
             predicted = others.after(trial[0], step)
-            penalty = (len(trial[0]) - base) * np.log(_EFFECTIVE) / _EFFECTIVE
+            penalty = (len(trial[0]) - base) * np.log(EFFECTIVE) / EFFECTIVE
             trials.append((np.log(max(predicted, 1e-12)) + penalty, g, trial, step, predicted))
         _, g, trial, step, predicted = min(trials, key=lambda t: t[0])
         if predicted > cost * (1 - 1e-2):

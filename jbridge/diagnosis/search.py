@@ -13,11 +13,10 @@ from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
 from ..identify.solve import Fits, solve
-from ..model.effects.base import AXIS_OF_SITE
-from ..model.effects.catalogue import UNNAMED, make_effect
+from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import WRONG_VALUE, Candidate, candidates
+from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import anchored, settle_levels
 from .screen import Screen, Screened, screen
 from .trials import State, Trial, cross_validated, folds, significance_of, transfer
@@ -92,13 +91,7 @@ class Search:
             for c in candidates(state.plant, state.known, self.setting, scene)
             if not c.unscreened and c.name not in done
         ]
-        unnamed = [
-            Candidate(kind, site, dict(seed.values), seed.free, False)
-            for kind, cls in UNNAMED.items()
-            for site in cls.sites
-            if AXIS_OF_SITE[site] in self.setting.axes
-            for seed in cls.seeds(site, scene)
-        ]
+        unnamed = unnamed_forces(self.setting, scene)
         extra = [state.engine.table.positions(c.site)[0] for c in found if c.kind == WRONG_VALUE]
         self.progress(f"screening {len(found)} explanations")
         return screen(
@@ -186,13 +179,7 @@ class Search:
     def curve(self, state: State) -> State | None:
         """The model with a force without a name, on the axis where that explains most; None if it explains little."""
         scene = scene_of(self.setting, state.plant, self.events)
-        seeds = [
-            Candidate(kind, site, dict(seed.values), seed.free, False)
-            for kind, cls in UNNAMED.items()
-            for site in cls.sites
-            if AXIS_OF_SITE[site] in self.setting.axes
-            for seed in cls.seeds(site, scene)
-        ]
+        seeds = unnamed_forces(self.setting, scene)
         self.progress("fitting a force without a name")
 
         def one(seed: Candidate) -> Trial:

@@ -15,7 +15,7 @@ from ..model.plant import Plant
 from .candidates import Candidate
 
 EFFECTIVE = 1000.0
-"""Effective number of independent samples, for weighing costs against parameters."""
+"""Effective number of independent samples, for weighing costs against parameters: residuals hang together."""
 _GAIN = 0.03
 """Least share of the cost that an acceptance must bring."""
 _LATER_GAIN = 0.25

@@ -70,8 +70,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
         )
         if axis == "l" and not recording.has_hoist:
             v[axis], a[axis] = np.zeros_like(t), np.zeros_like(t)
-    half = max(_HALF_WIDTH["x"], 0.0)
-    width = 2 * max(2, round(half / period)) + 1
+    width = 2 * max(2, round(_HALF_WIDTH["x"] / period)) + 1
     held = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
     u = {name: getattr(recording, name)[held] for name in ("u_x", "u_l") if getattr(recording, name) is not None}
     inputs = np.stack([u.get(name, np.zeros_like(t)) for name in ("u_x", "u_l")], axis=1)
