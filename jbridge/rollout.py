@@ -395,22 +395,8 @@ def _late(
     return smooth + jnp.where(s < 0, s * span * rate[k], 0.0)
 
 
-@jax.jit
-def _acceleration(
-    plant: Plant,
-    t: Scalar,
-    q: Motion,
-    v: Motion,
-    volts: Axes,
-    z: Scalar | None,
-    active: Axes,
-    first: tuple[Motion, Motion],
-    h: Scalar,
-    go: Array,
-    push: Push | None,
-) -> Motion:
-    """Jitted on its own, so that the stages of a step share one trace: half the time before the compiler starts."""
-    return plant.acceleration(t, q, v, volts, z, active, first, h, go, push)
+_acceleration = jax.jit(Plant.acceleration)
+"""Jitted on its own, so that the stages of a step share one trace: half the time before the compiler starts."""
 
 
 def _zeros_like(motion: Motion) -> Motion:

@@ -259,10 +259,9 @@ def _search(
         share = min(held(state, chosen), 1.0)
         if not steps:
             learnable = max(learnable, share)
-        before = state.chi
         tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
-        steps.append(Step(chosen, trials, {name: why for name, why in reasons.items() if why}, before))
+        steps.append(Step(chosen, trials, {name: why for name, why in reasons.items() if why}))
         after = 0.0
         if search.window is not None:
             state = _back_to_free_runs(search, state)
@@ -305,7 +304,7 @@ def _alone(
     others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
     ranked = sorted([trials[0], *others], key=lambda t: t.score)
     refused = {name: why for name, why in steps[0].refused.items() if name != trials[0].candidate.name}
-    return alone, [Step(trials[0], ranked, refused, steps[0].before)]
+    return alone, [Step(trials[0], ranked, refused)]
 
 
 def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:

@@ -63,7 +63,6 @@ class Search:
         self.setting = setting
         self.window = window
         self.progress = progress or (lambda text: None)
-        self.events: dict[str, tuple] = {}
 
     def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden state, on the state's own lanes."""
@@ -84,7 +83,7 @@ class Search:
         return Screen(_merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
 
     def _screen(self, state: State) -> Screen:
-        scene = scene_of(self.setting, state.plant, self.events)
+        scene = scene_of(self.setting, state.plant)
         done = {a.name for a in state.accepted}
         found = [
             c
@@ -128,7 +127,7 @@ class Search:
 
     def mechanisms(self, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
         """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
-        scene = scene_of(self.setting, state.plant, self.events)
+        scene = scene_of(self.setting, state.plant)
         found: dict[tuple[str, str], list[Candidate]] = {}
         for c in candidates(state.plant, state.known, self.setting, scene):
             if c.unscreened and only in (None, c.name):
@@ -178,7 +177,7 @@ class Search:
 
     def curve(self, state: State) -> State | None:
         """The model with a force without a name, on the axis where that explains most; None if it explains little."""
-        scene = scene_of(self.setting, state.plant, self.events)
+        scene = scene_of(self.setting, state.plant)
         seeds = unnamed_forces(self.setting, scene)
         self.progress("fitting a force without a name")
 

@@ -35,7 +35,6 @@ class Step:
     trials: list[Trial]
     refused: dict[tuple[str, str], str]
     """Why explanations did not pass."""
-    before: float
 
     @property
     def passed(self) -> list[Trial]:

@@ -47,11 +47,6 @@ class Setting:
     length: float
     """Mean rope length of the recordings [m]."""
 
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Measured channels."""
-        return tuple(self.noise)
-
 
 def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
     """Checks that model and recordings go together.
