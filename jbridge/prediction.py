@@ -8,10 +8,11 @@ from jax import jit
 
 from ._types import AXES, Axes
 from .errors import InputError
+from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .recordings import Recording
-from .rollout import RK4, Lane, hidden_count, readings, rollout
+from .rollout import RK4, readings, rollout
 
 _STEP = 0.0025
 """Longest step [s]; with a hidden coordinate half of it."""
@@ -37,7 +38,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     parts = _parts(model, recording)
     requires(model, [axis for axis in AXES if parts[axis]])
     plant = model.plant
-    initial = np.zeros(6 + 2 * hidden_count(plant))
+    initial = np.zeros(6 + 2 * len(plant.mechanisms))
     for k, axis in enumerate(AXES):
         measured = getattr(recording, axis)
         if axis in recording.initial:
@@ -65,7 +66,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     for k, name in enumerate(("u_x", "u_l")):
         if getattr(recording, name) is not None:
             u[:, k] = getattr(recording, name)[held]
-    step = _STEP / (2 if hidden_count(plant) else 1)
+    step = _STEP / (2 if len(plant.mechanisms) else 1)
     substeps = max(1, math.ceil(recording.period / step - 1e-6))
     lane = Lane(
         jnp.zeros(()),

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jbridge._types import Axes
+from jbridge.inputs import Lane
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AbstractEffect, AbstractMechanism, options_of, parameters_of
 from jbridge.model.effects.catalogue import KINDS, make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
-from jbridge.rollout import Lane, readings, rollout
+from jbridge.rollout import readings, rollout
 
 PERIOD = 0.005
 """Sampling period of the rig [s]."""

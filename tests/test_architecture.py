@@ -22,7 +22,7 @@ LAYERS = (
     {"_math", "_parameters", "_types", "errors"},
     {"signals", "recordings"},
     {"model", "fuzzy"},
-    {"control"},
+    {"control", "inputs"},
     {"rollout"},
     {"prediction"},
     {"identify"},

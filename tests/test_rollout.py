@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from jbridge._types import AXES
+from jbridge.inputs import drive_inputs
 from jbridge.model.plant import Plant
-from jbridge.rollout import MIDPOINT, RK4, Motions, drive_inputs, initial_motion, rollout
+from jbridge.rollout import MIDPOINT, RK4, Motions, initial_motion, rollout
 from tests.problems import (
     CART_ALONE,
     EVERY_AXIS,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import AXES
+from ..identify.base import channel_errors
 from ..identify.lanes import Batch
 from .result import Channel
 
@@ -34,13 +34,7 @@ _DRAWS = 199
 
 def channels(batch: Batch, predicted: NDArray[np.float64], noise: Mapping[str, float]) -> dict[str, Channel]:
     """Errors of every channel beside its noise [m, rad, m]."""
-    measured = np.asarray(batch.lanes.weight) > 0
-    error = predicted - np.asarray(batch.lanes.y)
-    out = {}
-    for k, axis in enumerate(AXES):
-        if axis in noise and measured[:, :, k].any():
-            out[axis] = Channel(float(np.sqrt(np.mean(error[:, :, k][measured[:, :, k]] ** 2))), noise[axis])
-    return out
+    return {axis: Channel(error, noise[axis]) for axis, error in channel_errors(batch, predicted).items()}
 
 
 def is_large(found: Mapping[str, Channel]) -> bool:

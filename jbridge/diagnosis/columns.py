@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..identify.lanes import Batch, Lanes, refined
 from ..identify.respond import PORTS, Along, linearise, respond
+from ..inputs import drive_inputs
 from ..model.bridge import Bridge
 from ..model.effects.base import (
     AXIS_OF_SITE,
@@ -35,7 +36,7 @@ from ..model.effects.drives import ActuatorLag, DrumRadiusChange, InputDelay
 from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..rollout import drive_inputs, readings
+from ..rollout import readings
 from .candidates import Candidate
 
 _NO_BRIDGE = Bridge()

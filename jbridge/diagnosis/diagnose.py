@@ -88,7 +88,7 @@ def diagnose(
     large = is_large(found)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
-    search = Search(setting, window, progress)
+    search = Search(plant, setting, window, progress)
     state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
     badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
     repeating = learnable >= LEARNABLE
@@ -96,12 +96,12 @@ def diagnose(
         tell("asking whether the missing force repeats")
         foreseen = _foreseen(base, setting, badly)
         learnable, repeating = max(learnable, foreseen), foreseen >= FORESEEN
-    if steps and search.window is None and state.chi > LARGE and learnable_after < STILL_LEARNABLE:
+    if steps and search.window is None and state.worst > LARGE and learnable_after < STILL_LEARNABLE:
         predicted = np.asarray(state.engine.motions(state.vector, state.initial, state.batch)[1])
         shares = repeating_share(state.plant, setting.recordings, state.batch, predicted, setting.noise)
         learnable_after = max([learnable_after, *(shares.get(axis, 0.0) for axis in badly)])
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
-    repeats = alarm and state.chi > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
+    repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = search.curve(state) if repeats else None
     state = curved or state
     changed = bool(steps) or curved is not None
@@ -248,7 +248,7 @@ def _search(
         last = (screened, trials)
         # What a linear screen could not foresee must prove itself the more by simulation.
         least = HOLDS if after >= LEARNABLE else LEARNABLE
-        if state.chi < LARGE:
+        if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
             least = MOST
         reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
@@ -261,24 +261,30 @@ def _search(
             learnable = max(learnable, share)
         tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
-        steps.append(Step(chosen, trials, {name: why for name, why in reasons.items() if why}))
+        steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
         after = 0.0
         if search.window is not None:
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
             state, steps = _alone(search, first, state, steps)
-        if state.chi < NEAR:
+        if state.chi < NEAR and state.worst < LARGE:
             break
     else:
         after = learnable
     if len(steps) > 1:
         state = search.prune(state)
-        kept = {candidate.name for candidate in state.accepted}
-        steps = [step for step in steps if step.chosen.candidate.name in kept]
+        steps = _by_gap_closed(steps, state)
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return state, steps, learnable, after, last
+
+
+def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:
+    """Steps whose effects were kept, first that without which the model would be worst."""
+    kept = {candidate.name for candidate in state.accepted}
+    left = [step for step in steps if step.chosen.candidate.name in kept]
+    return sorted(left, key=lambda step: -state.without.get(step.chosen.candidate.name, 0.0))
 
 
 def _alone(
@@ -304,7 +310,7 @@ def _alone(
     others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
     ranked = sorted([trials[0], *others], key=lambda t: t.score)
     refused = {name: why for name, why in steps[0].refused.items() if name != trials[0].candidate.name}
-    return alone, [Step(trials[0], ranked, refused)]
+    return alone, [Step(1, trials[0], ranked, refused)]
 
 
 def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import WINDOW, columns_for, measurements
+from ..identify.base import WINDOW, channel_errors, columns_for, measurements
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
@@ -19,7 +19,7 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import anchored, settle_levels
 from .screen import Screen, Screened, screen
-from .trials import State, Trial, cross_validated, folds, significance_of, transfer
+from .trials import Fitted, State, Trial, cross_validated, folds, significance_of, transfer
 
 REFITS = 5
 """Most candidates that are refitted at a time."""
@@ -43,23 +43,27 @@ def state_of(
     width = columns_for(len(free))
     cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch))
     return State(
-        engine.table.unravel(fits.vectors[0]),
-        known,
-        engine,
-        batch,
-        fits.vectors[0],
-        free,
-        fits.initial[0],
-        float(fits.cost[0]),
-        cv,
-        accepted,
+        plant=engine.table.unravel(fits.vectors[0]),
+        known=known,
+        engine=engine,
+        batch=batch,
+        vector=fits.vectors[0],
+        free=free,
+        initial=fits.initial[0],
+        cost=float(fits.cost[0]),
+        cross_validated=cv,
+        ratios=channel_errors(batch, fits.gram.predicted[0], over_noise=True),
+        accepted=accepted,
     )
 
 
 class Search:
     """Rounds of screening, refitting and choosing."""
 
-    def __init__(self, setting: Setting, window: float | None, progress: Callable[[str], None] | None = None):
+    def __init__(
+        self, given: Plant, setting: Setting, window: float | None, progress: Callable[[str], None] | None = None
+    ):
+        self.given = given
         self.setting = setting
         self.window = window
         self.progress = progress or (lambda text: None)
@@ -161,19 +165,32 @@ class Search:
         return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
     def prune(self, state: State) -> State:
-        """Drops accepted effects that the others have made superfluous, the latest first."""
+        """Drops accepted explanations that the others have made superfluous, the latest first.
+
+        What stays is kept with the cost that the model has without it.
+        """
+        costs: dict[tuple[str, str], float] = {}
         for candidate in reversed(state.accepted):
-            if candidate.kind == WRONG_VALUE:
-                continue
             if len(state.accepted) == 1:
                 break
-            rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
             self.progress(f"trying without {candidate.kind.replace('_', ' ')}")
+            plant, known = self._without(state, candidate)
             kept = tuple(a for a in state.accepted if a is not candidate)
-            without = self.polish(Plant(state.plant.bridge, rest), state.known, state.initial, kept)
+            without = self.polish(plant, known, state.initial, kept)
             if without.cost < state.cost * (1 + SUPERFLUOUS):
                 state = without
-        return state
+            else:
+                costs[candidate.name] = without.cost
+        return dataclasses.replace(state, without=costs)
+
+    def _without(self, state: State, candidate: Candidate) -> tuple[Plant, frozenset[str]]:
+        """The state's plant without an accepted explanation, and what is known then."""
+        if candidate.kind == WRONG_VALUE:
+            given = getattr(self.given.bridge, candidate.site)
+            bridge = dataclasses.replace(state.plant.bridge, **{candidate.site: given})
+            return Plant(bridge, state.plant.effects), state.known | {candidate.site}
+        rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
+        return Plant(state.plant.bridge, rest), state.known
 
     def curve(self, state: State) -> State | None:
         """The model with a force without a name, on the axis where that explains most; None if it explains little."""
@@ -188,18 +205,8 @@ class Search:
         best = min(self._each(one, seeds), key=lambda t: t.cost)
         if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:
             return None
-        return State(
-            best.plant,
-            best.known,
-            best.engine,
-            best.batch,
-            best.vector,
-            best.free,
-            best.initial,
-            best.cost,
-            best.cross_validated,
-            state.accepted,
-        )
+        fields = {field.name: getattr(best, field.name) for field in dataclasses.fields(Fitted)}
+        return State(**fields, accepted=state.accepted)
 
     def _each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""
@@ -267,18 +274,19 @@ class Search:
         weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table, given)
         z = significance_of(*weighed) if ran else 0.0
         return Trial(
-            candidate,
-            plant,
-            known,
-            engine,
-            batch,
-            fits.vectors[k],
-            free,
-            fits.initial[k],
-            cost,
-            cv,
-            z,
-            len(free) - base,
+            plant=plant,
+            known=known,
+            engine=engine,
+            batch=batch,
+            vector=fits.vectors[k],
+            free=free,
+            initial=fits.initial[k],
+            cost=cost,
+            cross_validated=cv,
+            ratios=channel_errors(batch, fits.gram.predicted[k], over_noise=True),
+            candidate=candidate,
+            z=z,
+            extra=len(free) - base,
         )
 
     def polish(self, plant: Plant, known: frozenset[str], near: NDArray[np.float64], accepted: tuple) -> State:

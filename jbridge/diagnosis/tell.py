@@ -31,6 +31,8 @@ HOLDS = 0.1
 class Step:
     """One acceptance: what was chosen, and from which trials."""
 
+    number: int
+    """Round of the search, from 1."""
     chosen: Trial
     trials: list[Trial]
     refused: dict[tuple[str, str], str]
@@ -135,31 +137,24 @@ def trials_of(
     steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State
 ) -> tuple[dict[str, object], ...]:
     rows = []
-    for number, step in enumerate(steps, start=1):
+
+    def row(number: int, trial: Trial, why: str) -> dict[str, object]:
+        return {
+            "round": number,
+            "kind": trial.candidate.kind,
+            "site": trial.candidate.site,
+            "ratio": trial.chi,
+            "cross_validated": chi(trial.cross_validated, trial.batch),
+            "accepted": not why,
+            "why": why,
+        }
+
+    for step in sorted(steps, key=lambda step: step.number):
         for trial in step.trials:
-            rows.append(
-                {
-                    "round": number,
-                    "kind": trial.candidate.kind,
-                    "site": trial.candidate.site,
-                    "ratio": chi(trial.cost, trial.batch),
-                    "cross_validated": chi(trial.cross_validated, trial.batch),
-                    "accepted": trial is step.chosen,
-                    "why": "" if trial is step.chosen else step.refused.get(trial.candidate.name, "explains less"),
-                }
-            )
+            why = "" if trial is step.chosen else step.refused.get(trial.candidate.name, "explains less")
+            rows.append(row(step.number, trial, why))
     shown = {id(t) for step in steps for t in step.trials}
-    for trial in last[1]:
-        if id(trial) not in shown:
-            rows.append(
-                {
-                    "round": len(steps) + 1,
-                    "kind": trial.candidate.kind,
-                    "site": trial.candidate.site,
-                    "ratio": chi(trial.cost, trial.batch),
-                    "cross_validated": chi(trial.cross_validated, trial.batch),
-                    "accepted": False,
-                    "why": accepts(state, trial, HOLDS) or "explains less",
-                }
-            )
+    left = [trial for trial in last[1] if id(trial) not in shown]
+    rounds = max((step.number for step in steps), default=0) + 1
+    rows += [row(rounds, trial, accepts(state, trial, HOLDS) or "explains less") for trial in left]
     return tuple(rows)

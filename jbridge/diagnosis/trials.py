@@ -1,6 +1,7 @@
 """Refitted explanations: what one reaches, how it is weighed, and when it is accepted."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,20 +25,43 @@ _SIGNIFICANT = 4.0
 """Least distance of a parameter from its null value, in standard deviations."""
 
 
-@dataclasses.dataclass
-class Trial:
-    """One refitted explanation."""
+@dataclasses.dataclass(kw_only=True)
+class Fitted:
+    """A structure, fitted to the training recordings (or to windows of them)."""
 
-    candidate: Candidate
     plant: Plant
     known: frozenset[str]
     engine: Engine
     batch: Batch
     vector: NDArray[np.float64]
+    """All parameters of the engine's table, `(parameter,)`."""
     free: NDArray[np.int64]
+    """Places of those that are estimated, `(free,)`."""
     initial: NDArray[np.float64]
+    """Initial state of every lane, `(lane, state)`."""
     cost: float
+    """Sum of squares of the residuals over their noise."""
     cross_validated: float
+    """The same, each recording under the parameters that the others give."""
+    ratios: Mapping[str, float]
+    """Error over noise of each channel."""
+
+    @property
+    def chi(self) -> float:
+        """Error over noise, root mean square over all channels."""
+        return chi(self.cost, self.batch)
+
+    @property
+    def worst(self) -> float:
+        """Error over noise of the channel that is met worst."""
+        return max(self.ratios.values())
+
+
+@dataclasses.dataclass(kw_only=True)
+class Trial(Fitted):
+    """One refitted explanation."""
+
+    candidate: Candidate
     z: float
     """Distance of its strongest parameter from its null value, in standard deviations."""
     extra: int
@@ -49,24 +73,13 @@ class Trial:
         return EFFECTIVE * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(EFFECTIVE))
 
 
-@dataclasses.dataclass
-class State:
-    """The model so far, fitted."""
+@dataclasses.dataclass(kw_only=True)
+class State(Fitted):
+    """The model so far."""
 
-    plant: Plant
-    known: frozenset[str]
-    engine: Engine
-    batch: Batch
-    vector: NDArray[np.float64]
-    free: NDArray[np.int64]
-    initial: NDArray[np.float64]
-    cost: float
-    cross_validated: float
     accepted: tuple[Candidate, ...] = ()
-
-    @property
-    def chi(self) -> float:
-        return chi(self.cost, self.batch)
+    without: Mapping[tuple[str, str], float] = dataclasses.field(default_factory=dict)
+    """Cost when one of the accepted explanations is taken away and all else fitted again, where that was tried."""
 
 
 def transfer(

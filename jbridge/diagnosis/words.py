@@ -93,12 +93,14 @@ def verdict_sentence(
     where = site_words(location.site) if location.site in SITES else "bridge"
     if verdict == "missing_physics":
         names = [
-            f"the value of {e.site}"
+            f"the {e.site.replace('_', ' ')}, which comes out as {quantity(e.parameters['value'])}"
             if e.kind == WRONG_VALUE
             else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
             for e in effects
         ]
-        listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        # Names that carry a clause of their own need a stronger mark between them.
+        between = "; " if any("," in name for name in names) else ", "
+        listed = names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
         gain = f"the error falls from {_times(ratio)} to {_times(final)} times the noise in free runs."
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""

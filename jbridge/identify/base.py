@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import AXES
 from ..model.plant import Plant
 from .lanes import Batch
 from .linearise import Engine
@@ -45,8 +46,6 @@ class BaseFit:
     vector: NDArray[np.float64]
     fits: Fits
     """The free-run fit, one row."""
-    window_chi: float
-    """Root mean square of residuals over noise, in windows, at the windows' own fit."""
 
     @property
     def chi(self) -> float:
@@ -57,6 +56,26 @@ class BaseFit:
 def chi(cost: float, batch: Batch) -> float:
     """Root mean square of weighted residuals."""
     return float(np.sqrt(cost / max(measurements(batch), 1)))
+
+
+def channel_errors(batch: Batch, predicted: NDArray[np.float64], *, over_noise: bool = False) -> dict[str, float]:
+    """Root mean square error of each measured channel [m, rad, m], or that over its noise.
+
+    Args:
+        batch: what was measured.
+        predicted: the model's readings, `(lane, sample, channel)`.
+        over_noise: whether to divide by the noise's standard deviation.
+    """
+    weight = np.asarray(batch.lanes.weight)
+    error = predicted - np.asarray(batch.lanes.y)
+    if over_noise:
+        error = error * weight
+    out = {}
+    for k, axis in enumerate(AXES):
+        measured = weight[:, :, k] > 0
+        if measured.any():
+            out[axis] = float(np.sqrt(np.mean(error[:, :, k][measured] ** 2)))
+    return out
 
 
 def measurements(batch: Batch) -> int:
@@ -115,5 +134,4 @@ def base_fit(
         short.vectors[0],
         fits.vectors[0],
         fits,
-        chi(short.cost[0], windows),
     )

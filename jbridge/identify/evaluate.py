@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..model.plant import Plant
 from ..recordings import Recording
-from .base import WINDOW
+from .base import WINDOW, channel_errors
 from .force_balance import balance
 from .lanes import Batch
 from .linearise import Engine
@@ -57,8 +57,8 @@ def evaluate(
     within: dict[str, float] = {}
     if windows:
         cut, runs = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1])
-        within = _rmse(cut, runs, setting)
-    return Run(batch, predicted, Errors(_rmse(batch, predicted, setting), within))
+        within = channel_errors(cut, runs)
+    return Run(batch, predicted, Errors(channel_errors(batch, predicted), within))
 
 
 def _simulate(
@@ -84,16 +84,6 @@ def _simulate(
         iterations=4,
     )
     return batch, started.gram.predicted[0]
-
-
-def _rmse(batch: Batch, predicted: NDArray[np.float64], setting: Setting) -> dict[str, float]:
-    measured = np.asarray(batch.lanes.weight) > 0
-    error = predicted - np.asarray(batch.lanes.y)
-    out = {}
-    for k, axis in enumerate(AXES):
-        if axis in setting.noise and measured[:, :, k].any():
-            out[axis] = float(np.sqrt(np.mean(error[:, :, k][measured[:, :, k]] ** 2)))
-    return out
 
 
 def traces(

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from .._types import AXES, Axes, Scalar
+from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
-from ..rollout import Lane, drive_inputs
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""

@@ -16,11 +16,11 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .._types import AXES, Axes
+from ..inputs import Lane
 from ..recordings import Recording
-from ..rollout import Lane
 
-_HISTORY = 0.6
-"""Time before a lane [s] whose inputs a delay or a lag still feels."""
+HISTORY = 0.6
+"""Time before a lane [s] whose inputs a delay or a lag still feels, unless a model has longer ones."""
 _START = 0.15
 """Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
 
@@ -94,10 +94,7 @@ class Batch:
     """One over the standard deviation of each initial value about the first guess; infinite where it is fixed."""
     recording: NDArray[np.int64]
     """Index of each lane's recording; -1 for a lane without content, which only fills up the shape."""
-    first: NDArray[np.int64]
-    """Grid point at which each lane begins."""
     grids: tuple[Grid, ...]
-    names: tuple[str, ...]
     substeps: int
 
     @property
@@ -115,6 +112,7 @@ def make_batch(
     overrides: Sequence[Mapping[int, float]] = (),
     hidden: int = 0,
     substeps: int | None = None,
+    history: float = HISTORY,
     like: "Batch | None" = None,
 ) -> Batch:
     """Lanes of all recordings.
@@ -128,6 +126,7 @@ def make_batch(
         overrides: for each recording, parameter values by place in the parameter vector.
         hidden: number of hidden coordinates of the plant.
         substeps: integration steps in each interval; by default from `step`.
+        history: time before a lane [s] whose inputs still count.
         like: a batch whose shape to take if there is room in it, so that its program serves this one, too.
     """
     period = float(np.median([recording.period for recording in recordings]))
@@ -144,16 +143,16 @@ def make_batch(
         stops = [*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)]
         cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
     longest = _rounded(max(b - a for _, a, b in cuts))
-    history = math.ceil(_HISTORY / period)
+    earlier = math.ceil(history / period)
     n = _filled(len(cuts))
     if like is not None:
         length, room = like.lanes.lane.dt.shape[1], like.count
         past = like.lanes.lane.before.shape[1]
-        if longest <= length and len(cuts) <= room and substeps == like.substeps:
-            longest, n, history = length, room, past
+        if longest <= length and earlier <= past and len(cuts) <= room and substeps == like.substeps:
+            longest, n, earlier = length, room, past
     dt = np.zeros((n, longest))
-    u = np.zeros((n, history + longest, 2))
-    before = np.full((n, history), period)
+    u = np.zeros((n, earlier + longest, 2))
+    before = np.full((n, earlier), period)
     y, weight = np.zeros((n, longest + 1, 3)), np.zeros((n, longest + 1, 3))
     at, to = np.zeros((n, size)), np.zeros((n, size))
     initial, prior = np.zeros((n, 6 + 2 * hidden)), np.zeros((n, 6 + 2 * hidden))
@@ -161,11 +160,11 @@ def make_batch(
     for i, (r, a, b) in enumerate(cuts):
         g = grids[r]
         dt[i, : b - a] = np.diff(g.times[a : b + 1])
-        u[i, history : history + b - a] = g.u[a:b]
-        past = min(a, history)
+        u[i, earlier : earlier + b - a] = g.u[a:b]
+        past = min(a, earlier)
         if past:
-            u[i, history - past : history] = g.u[a - past : a]
-            before[i, history - past :] = np.diff(g.times[a - past : a + 1])
+            u[i, earlier - past : earlier] = g.u[a - past : a]
+            before[i, earlier - past :] = np.diff(g.times[a - past : a + 1])
         y[i, : b - a + 1] = g.y[a : b + 1]
         weight[i, : b - a + 1] = g.measured[a : b + 1] * scale
         if overrides:
@@ -185,9 +184,7 @@ def make_batch(
         initial,
         prior,
         np.array([r for r, _, _ in cuts]),
-        np.array([a for _, a, _ in cuts]),
         grids,
-        tuple(recording.name for recording in recordings),
         substeps,
     )
 

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
+from ..model.effects.drives import InputDelay
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording, constant_inputs
-from .lanes import Batch, make_batch
+from .lanes import HISTORY, Batch, make_batch
 from .noise import noise_floor
 
 _PART_OF = {
@@ -145,8 +146,15 @@ def lanes_for(
         size=table.size,
         overrides=overrides(table, recordings),
         hidden=hidden,
+        history=max(HISTORY, _memory(plant)),
         like=like,
     )
+
+
+def _memory(plant: Plant) -> float:
+    """How long an input is felt [s], with room for a fit to lengthen delays and lags by half."""
+    delay = sum(float(effect.delay) for effect in plant.all(InputDelay))
+    return 1.5 * delay + 5.0 * max(float(c) for c in plant.time_constants())
 
 
 def scene_of(setting: Setting, plant: Plant, events: Mapping[str, tuple] | None = None) -> Scene:

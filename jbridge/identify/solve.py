@@ -7,7 +7,7 @@ of dozens of candidates affordable; a test holds its optimum against optimistix'
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,9 +143,7 @@ def solve(
     columns: int,
     iterations: int = 12,
     tolerance: float = 1e-4,
-    weights: NDArray[np.float64] | None = None,
     drop: float | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Fits:
     """Fits every row from its own start.
 
@@ -156,9 +154,7 @@ def solve(
         columns: parameter columns of the compiled program.
         iterations: most steps of a row.
         tolerance: a row is done when a step gains less than this share of its cost.
-        weights: weight of each lane by row, 1 where None (0 leaves a lane out, for cross-validation).
         drop: after four steps, rows are given up whose cost is this many times the best row's.
-        progress: told after each iteration.
     """
     vectors = np.array(vectors, dtype=float)
     rows = len(vectors)
@@ -166,7 +162,6 @@ def solve(
     if initial is None:
         initial = np.broadcast_to(batch.initial, (rows, *batch.initial.shape))
     initial = np.array(initial, dtype=float)
-    lane_weight = np.ones((rows, batch.count)) if weights is None else weights
     width = max(len(f) for f in free)
     places = np.full((rows, width), -1, np.int64)
     for i, f in enumerate(free):
@@ -185,22 +180,21 @@ def solve(
         trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
-            weighted = products[r] * lane_weight[r][:, None, None]
-            reduced = reduce(weighted, len(f), columns, initial[r], batch.initial, batch.prior, damping[r])
+            reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, batch.prior, damping[r])
             step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
             trial_v[j, f] += step
             moved = reduced.back @ step + reduced.shift
             trial_i[j] += moved
-            foreseen[j] = _foreseen(products[r], lane_weight[r], step, moved, columns)
+            foreseen[j] = _foreseen(products[r], step, moved, columns)
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
-            old = _objective(products[r], lane_weight[r], initial[r], batch)
-            new = _objective(gram.products[j], lane_weight[r], trial_i[j], batch)
+            old = _objective(products[r], initial[r], batch)
+            new = _objective(gram.products[j], trial_i[j], batch)
             if np.isfinite(gram.products[j]).all() and new < old:
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
-                squares = (products[r, :, -1, -1] * lane_weight[r]).sum()
-                ratio = (squares - (gram.products[j, :, -1, -1] * lane_weight[r]).sum()) / max(foreseen[j], 1e-300)
+                fell = products[r, :, -1, -1].sum() - gram.products[j, :, -1, -1].sum()
+                ratio = fell / max(foreseen[j], 1e-300)
                 products[r], predicted[r] = gram.products[j], gram.predicted[j]
                 # The less a step keeps of what the linear model promised, the less the next one may trust it.
                 damping[r] = np.clip(damping[r] * (0.1 if ratio > 0.75 else 1.0 if ratio > 0.25 else 3.0), 1e-9, None)
@@ -211,17 +205,13 @@ def solve(
             if quiet[r] >= 2 or damping[r] > _MOST_DAMPING:
                 active[r] = False
         if drop is not None and done >= _BEFORE_DROP:
-            costs = (products[:, :, -1, -1] * lane_weight).sum(axis=1)
+            costs = products[:, :, -1, -1].sum(axis=1)
             active &= costs <= drop * np.nanmin(costs)
-        if progress is not None:
-            best = min(float((products[r, :, -1, -1] * lane_weight[r]).sum()) for r in range(rows))
-            progress(f"iteration {done}: {active.sum()} fits going, best cost {best:.4g}")
     return Fits(vectors, list(free), initial, Gram(products, predicted), done)
 
 
 def _foreseen(
     products: NDArray[np.float64],
-    weight: NDArray[np.float64],
     step: NDArray[np.float64],
     moved: NDArray[np.float64],
     columns: int,
@@ -232,12 +222,10 @@ def _foreseen(
     change[:, columns:] = moved
     slope = 2.0 * np.einsum("lc,lc->l", change, products[:, :-1, -1])
     curve = np.einsum("lc,lcd,ld->l", change, products[:, :-1, :-1], change)
-    return -float(((slope + curve) * weight).sum())
+    return -float((slope + curve).sum())
 
 
-def _objective(
-    products: NDArray[np.float64], weight: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch
-) -> float:
+def _objective(products: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch) -> float:
     precision = np.where(np.isfinite(batch.prior), batch.prior, 0.0)
     prior = (precision * (initial - batch.initial)) ** 2
-    return float((products[:, -1, -1] * weight).sum() + prior.sum())
+    return float(products[:, -1, -1].sum() + prior.sum())

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from jbridge._types import AXES
+from jbridge.inputs import drive_inputs
 from jbridge.model.effects.base import AXIS_OF_SITE, SITES, Scene, options_of, parameters_of, unit_at
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
 from jbridge.model.plant import Motion
-from jbridge.rollout import MIDPOINT, Motions, drive_inputs, readings, rollout
+from jbridge.rollout import MIDPOINT, Motions, readings, rollout
 from tests.problems import (
     NUMBERS,
     PERIOD,

@@ -1,0 +1,238 @@
+"""Inference against scikit-fuzzy, MATLAB's published values, and the limits of the smooth mode."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import skfuzzy
+
+from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
+from jbridge.fuzzy.fis import load_fis
+from jbridge.fuzzy.inference import Mamdani
+from jbridge.fuzzy.membership import Triangular, as_number
+from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
+from jbridge.fuzzy.rules import Clause, Variable, in_words, rule
+from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
+from tests.fuzzy.systems import TIPPER, random_system
+
+ORACLE_SETS = {
+    "trimf": lambda x, s: skfuzzy.trimf(x, [s.left, s.peak, s.right]),
+    "trapmf": lambda x, s: skfuzzy.trapmf(x, [s.left, s.top_left, s.top_right, s.right]),
+    "gaussmf": lambda x, s: skfuzzy.gaussmf(x, float(s.centre), float(s.width)),
+    "gbellmf": lambda x, s: skfuzzy.gbellmf(x, float(s.width), float(s.slope), float(s.centre)),
+    "sigmf": lambda x, s: skfuzzy.sigmf(x, float(s.centre), float(s.slope)),
+}
+ORACLE_NORMS = {
+    "min": np.fmin,
+    "prod": np.multiply,
+    "max": np.fmax,
+    "sum": np.add,
+    "probor": lambda a, b: a + b - a * b,
+}
+
+
+def oracle(system, values):
+    """The textbook's inference with scikit-fuzzy's sets and defuzzification; None where no rule fires."""
+    degrees = []
+    for variable, value in zip(system.inputs, values, strict=True):
+        inside = np.array([np.clip(float(value), float(variable.low), float(variable.high))])
+        degrees.append([ORACLE_SETS[s.kind](inside, s)[0] for s in variable.sets])
+    output = system.outputs[0]
+    grid = np.linspace(float(output.low), float(output.high), system.points)
+    total = None
+    for found in system.rules:
+        parts = [degrees[c.variable][c.label] for c in found.antecedent]
+        parts = [1 - p if c.negated else p for p, c in zip(parts, found.antecedent, strict=True)]
+        norm = ORACLE_NORMS[(system.disjunction if found.any_of else system.conjunction).name]
+        strength = parts[0]
+        for part in parts[1:]:
+            strength = norm(strength, part)
+        member = output.sets[found.consequent[0].label]
+        shape = ORACLE_NORMS[system.implication.name](ORACLE_SETS[member.kind](grid, member), found.weight * strength)
+        total = shape if total is None else ORACLE_NORMS[system.aggregation.name](total, shape)
+    if not total.max() > 1e-9:
+        return None
+    top = total.max()
+    if system.defuzzifier.name == "mom" and ((total > top - 1e-6) != (total > top - 1e-11)).any():
+        return None  # a top so round that rounding decides where it is
+    return float(skfuzzy.defuzz(grid, np.round(total, 12), system.defuzzifier.name))
+
+
+def width(system):
+    return float(system.outputs[0].high - system.outputs[0].low)
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_a_thousand_random_systems_agree_with_scikit_fuzzy(block):
+    """At 1,001 points, to 1e-3 of the range.
+
+    Points weigh as much at the ends of the universe as elsewhere, as in MATLAB; scikit-fuzzy integrates, so there they
+    weigh half. Where a set stands against an end, that alone may be a little more than 1e-3.
+    """
+    errors = []
+    for seed in range(250 * block, 250 * (block + 1)):
+        system, values = random_system(seed)
+        wanted = oracle(system, values)
+        if wanted is not None:
+            errors.append(abs(float(system.infer(values).output[0]) - wanted) / width(system))
+    assert len(errors) > 200
+    assert np.sum(np.array(errors) > 1e-3) <= 1 and max(errors) < 1.5e-3
+
+
+@pytest.mark.parametrize("defuzzifier", [Bisector(), MeanOfMaximum()], ids=["bisector", "mom"])
+def test_other_defuzzifiers_agree_with_scikit_fuzzy(defuzzifier):
+    for seed in range(1000, 1060):
+        system, values = random_system(seed, defuzzifier=defuzzifier)
+        wanted = oracle(system, values)
+        if wanted is not None:
+            assert abs(float(system.infer(values).output[0]) - wanted) < 1e-3 * width(system), seed
+
+
+@pytest.mark.parametrize(("service", "food", "tip"), [(2, 1, 7.0169), (4, 5, 14.4585), (7, 8, 20.3414)])
+def test_matlabs_tipper(tmp_path, service, food, tip):
+    """Published to four decimals in the documentation of MATLAB's `evalfis`, for 101 points."""
+    path = tmp_path / "tipper.fis"
+    path.write_text(TIPPER)
+    found = load_fis(path).infer(jnp.array([service, food], float))
+    assert float(found.output[0]) == pytest.approx(tip, abs=5.1e-5)
+
+
+def tent(name="y", labels=("low", "high")):
+    sets = (Triangular(*map(as_number, (-1.0, -0.5, 0.0))), Triangular(*map(as_number, (0.0, 0.5, 1.0))))
+    return Variable(name, as_number(-1.0), as_number(1.0), labels, sets)
+
+
+def test_inputs_beyond_their_range_count_as_its_end():
+    system, _ = random_system(3)
+    highs = jnp.stack([v.high for v in system.inputs])
+    np.testing.assert_array_equal(system.infer(highs + 100.0).output, system.infer(highs).output)
+
+
+@pytest.mark.parametrize("softness", [None, 0.1])
+@pytest.mark.parametrize("defuzzifier", list(DEFUZZIFIERS.values()))
+def test_where_no_rule_fires_the_output_is_the_middle(defuzzifier, softness):
+    x, y = tent("x"), tent()
+    system = Mamdani((x,), (y,), (rule("if x is low then y is low", (x,), (y,)),), defuzzifier=defuzzifier())
+    found = system.infer(jnp.array([0.5]), softness=softness)
+    assert not found.fired[0] and found.output[0] == 0.0
+    assert system.infer(jnp.array([-0.5]), softness=softness).fired[0]
+
+
+def test_smooth_inference_tends_to_the_hard_one():
+    """Its distance shrinks in proportion to the softness."""
+    for seed in range(30):
+        system, values = random_system(seed, points=101)
+        hard = system.infer(values)
+        if not bool(hard.fired[0]) or float(hard.strength.max()) < 0.05:
+            continue
+        errors = [
+            abs(float(system.infer(values, softness=s).output[0] - hard.output[0])) / width(system)
+            for s in (1e-2, 1e-3, 1e-4)
+        ]
+        assert errors[2] < 1e-3, seed
+        assert errors[2] <= 0.2 * errors[0] + 1e-6, seed
+
+
+@pytest.mark.parametrize("softness", [None, 0.05])
+def test_every_gradient_is_finite(softness):
+    """Also on corners, at ties, for flanks of no width and where no rule fires."""
+    for seed in range(8):
+        system, values = random_system(seed, points=101)
+        flat = system.inputs[0]
+        corner = getattr(flat.sets[0], "left", flat.middle)
+        for value in (values, values.at[0].set(corner), values.at[0].set(flat.low - 1)):
+            grads = jax.grad(lambda s, v: s.infer(v, softness=softness).output[0], argnums=(0, 1), allow_int=True)
+            found = jax.tree.leaves(grads(system, value))
+            assert all(np.isfinite(np.asarray(leaf)).all() for leaf in found), seed
+
+
+@pytest.mark.parametrize("defuzzifier", list(DEFUZZIFIERS.values()))
+def test_degenerate_systems_have_finite_gradients(defuzzifier):
+    """Sets of no width at the value itself, equal strengths, and an aggregate that is empty."""
+    spike = Triangular(*map(as_number, (0.2, 0.2, 0.2)))
+    x = Variable("x", as_number(-1.0), as_number(1.0), ("a", "b"), (spike, spike))
+    y = Variable("y", as_number(-1.0), as_number(1.0), ("p", "q"), (spike, tent().sets[0]))
+    rules = tuple(rule(text, (x,), (y,)) for text in ("if x is a then y is p", "if x is b then y is q"))
+    system = Mamdani((x,), (y,), rules, defuzzifier=defuzzifier())
+    for softness in (None, 0.1):
+        for value in (0.2, 0.5):
+            leaves = jax.tree.leaves(
+                jax.grad(lambda s: s.infer(jnp.array([value]), softness=softness).output[0])(system)  # noqa: B023
+            )
+            assert all(np.isfinite(np.asarray(leaf)).all() for leaf in leaves)
+
+
+def test_smooth_gradients_agree_with_differences():
+    """Central differences, away from nothing: the smooth mode has no kinks."""
+    step = 1e-5
+    for seed in range(12):
+        system, values = random_system(seed, points=101, norms=(Minimum(), Maximum(), Minimum(), Maximum()))
+        if not bool(system.infer(values).fired[0]):
+            continue
+        inside = jnp.stack([v.middle + 0.31 * (v.high - v.low) for v in system.inputs])
+        found = jax.grad(lambda v: system.infer(v, softness=0.2).output[0])(inside)
+        for i in range(len(inside)):
+            up, down = (system.infer(inside.at[i].add(s), softness=0.2).output[0] for s in (step, -step))
+            wanted = float(up - down) / (2 * step)
+            scale = max(abs(wanted), 1e-3 * width(system))
+            assert abs(float(found[i]) - wanted) < 1e-3 * scale, (seed, i)
+
+
+def test_sugeno_by_hand():
+    """Two rules of strengths 0.5 and 0.25 that conclude 1 + 2 x and 3."""
+    x = tent("x")
+    out = Conclusions(
+        "y",
+        as_number(0.0),
+        as_number(10.0),
+        ("line", "flat"),
+        (Linear(as_number([2.0]), as_number(1.0)), Linear(as_number([0.0]), as_number(3.0))),
+    )
+    rules = (
+        rule("if x is high then y is line", (x,), (out,)),
+        rule("if x is high then y is flat", (x,), (out,), weight=0.5),
+    )
+    for summed, wanted in ((False, (0.5 * 1.5 + 0.25 * 3) / 0.75), (True, 0.5 * 1.5 + 0.25 * 3)):
+        found = Sugeno((x,), (out,), rules, summed=summed).infer(jnp.array([0.25]))
+        assert float(found.output[0]) == pytest.approx(wanted)
+    nothing = Sugeno((x,), (out,), rules).infer(jnp.array([-0.5]))
+    assert float(nothing.output[0]) == 5.0 and not nothing.fired[0]
+
+
+def test_rules_in_words():
+    x, v, y = tent("error", ("NS", "PS")), tent("velocity", ("N", "P")), tent("voltage", ("NS", "PS"))
+    text = "if error is NS and velocity is not P then voltage is NS"
+    found = rule(text, (x, v), (y,))
+    assert found.antecedent == (Clause(0, 0), Clause(1, 1, True)) and in_words(found, (x, v), (y,)) == text
+    assert rule("IF (error is ns) or (Velocity is P) THEN (Voltage is ps).", (x, v), (y,)).any_of
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("error is NS then voltage is NS", "not of the form"),
+        ("if error is NS and velocity is P or error is PS then voltage is NS", "mixes"),
+        ("if error is huge then voltage is NS", "'huge' is none of NS, PS"),
+        ("if speed is NS then voltage is NS", "'speed' is none of error, velocity"),
+        ("if error NS then voltage is NS", "expected `<variable> is <set>`"),
+        ("if then voltage is NS", "nothing stands beside"),
+    ],
+)
+def test_words_that_are_no_rule(text, complaint):
+    x, v, y = tent("error", ("NS", "PS")), tent("velocity", ("N", "P")), tent("voltage", ("NS", "PS"))
+    with pytest.raises(ValueError, match=complaint):
+        rule(text, (x, v), (y,))
+
+
+def test_norms_are_the_textbooks():
+    a, b = jnp.array([0.2, 0.9, 0.5]), jnp.array([0.7, 0.1, 0.5])
+    for norm in (Minimum(), Product(), Maximum(), ProbabilisticSum(), Sum()):
+        np.testing.assert_allclose(norm(a, b), ORACLE_NORMS[norm.name](a, b), rtol=1e-15)
+        assert np.abs(norm(a, b, 0.1) - norm(a, b)).max() <= 0.05 * 0.5 + 1e-15
+        # A degree of 0 stays 0 under a conjunction, whatever the softness.
+        assert norm(jnp.zeros(()), jnp.asarray(0.3), 0.5) == (0.0 if norm.name in ("min", "prod") else 0.3)
+
+
+def test_a_grid_has_both_ends():
+    assert Centroid.name == "centroid"
+    np.testing.assert_allclose(tent().grid(101)[jnp.array([0, 50, 100])], [-1.0, 0.0, 1.0], atol=1e-15)
