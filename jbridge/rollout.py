@@ -119,11 +119,23 @@ class Interval(NamedTuple):
 
 def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int) -> tuple[Motions, Interval]:
     """The first motion, and the intervals of a lane (each field with a leading axis of time)."""
+    told, lags = timetable(plant, lane, substeps)
+    return start(plant, initial, lags, lane.active), told
+
+
+def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"], active: Axes) -> Motions:
+    """The first motion, from an initial-state vector (see `initial_motion`) and the states of both drives' lags."""
+    q, v = initial_motion(plant, initial, active)
+    zero = jnp.zeros_like(q.x)
+    z = None if plant.only(PreslidingFriction) is None else zero
+    return Motions(q, v, Axes(lags[0], zero, lags[1]), z)
+
+
+def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[Array, " 2"]]:
+    """The intervals of a lane (each field with a leading axis of time), and the lags' states at its beginning."""
     steps = step_edges(plant, lane, substeps)
     drives = drive_inputs(plant, lane, steps)
     constants = plant.time_constants()
-    q, v = initial_motion(plant, initial, lane.active)
-    zero = jnp.zeros_like(q.x)
     steps = steps[lane.before.shape[0] :]
     h = jnp.diff(steps, axis=1)
     none = jnp.zeros_like(h)
@@ -137,8 +149,7 @@ def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps:
 
     number = jnp.arange(h.shape[0])
     told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left(0.5), left(1.0))
-    z = None if plant.only(PreslidingFriction) is None else zero
-    return Motions(q, v, Axes(drives.lags[0], zero, drives.lags[1]), z), told
+    return told, drives.lags
 
 
 def advance(
@@ -236,12 +247,17 @@ def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: A
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:
     """What the encoders report of a rollout: `x`, `psi`, `l` at every sample [m, rad, m], without noise or rounding."""
     times = lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)])
-    q, v = motions.q.axes, motions.v.axes
+    return read(plant, times, motions.q, motions.v)
+
+
+def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:
+    """The same of any motion, given at some times [s]."""
+    q, v = motion.axes, rate.axes
     train = plant.drive_train
     if train is not None:
-        assert motions.q.motor is not None and motions.v.motor is not None
-        q = q._replace(x=q.x + train.encoder * (motions.q.motor - q.x))
-        v = v._replace(x=v.x + train.encoder * (motions.v.motor - v.x))
+        assert motion.motor is not None and rate.motor is not None
+        q = q._replace(x=q.x + train.encoder * (motion.motor - q.x))
+        v = v._replace(x=v.x + train.encoder * (rate.motor - v.x))
     channels = []
     for axis in ("x", "psi", "l"):
         truth = getattr(q, axis)

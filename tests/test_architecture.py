@@ -24,7 +24,7 @@ LAYERS = (
     {"model", "fuzzy"},
     {"control", "inputs"},
     {"rollout"},
-    {"prediction"},
+    {"loop", "prediction"},
     {"identify"},
     {"diagnosis", "tune"},
     {"sweep"},

@@ -37,6 +37,11 @@ def channels(batch: Batch, predicted: NDArray[np.float64], noise: Mapping[str, f
     return {axis: Channel(error, noise[axis]) for axis, error in channel_errors(batch, predicted).items()}
 
 
+def worst_ratio(errors: Mapping[str, float], noise: Mapping[str, float]) -> float:
+    """Error over noise of the channel that is met worst."""
+    return max((error / noise[axis] for axis, error in errors.items()), default=0.0)
+
+
 def is_large(found: Mapping[str, Channel]) -> bool:
     # Written so that what is no number counts as large.
     return any(not channel.ratio <= LARGE for channel in found.values())

@@ -11,13 +11,24 @@ import numpy as np
 from ..errors import InputError
 from ..identify.base import WINDOW, BaseFit, base_fit, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
+from ..identify.result import Errors
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording
-from .adequacy import FORESEEN, LARGE, LEARNABLE, SIGNIFICANT, STILL_LEARNABLE, channels, is_large, significance
+from .adequacy import (
+    FORESEEN,
+    LARGE,
+    LEARNABLE,
+    SIGNIFICANT,
+    STILL_LEARNABLE,
+    channels,
+    is_large,
+    significance,
+    worst_ratio,
+)
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
@@ -39,6 +50,8 @@ NONLINEAR = 3.0
 """Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
 MOST = 0.5
 """Least share of the excess that an effect must explain where the model is already adequate."""
+PROVEN = 0.5
+"""Least share of the excess over noise that named effects must remove from the hold-out."""
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
@@ -117,7 +130,9 @@ def diagnose(
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
     # A force without a name makes the simulation usable, but it explains nothing.
     still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= STILL_LEARNABLE)))
-    verdict = "adequate" if not alarm else ("missing_physics" if steps and not still else "unknown")
+    # The model is frozen, but whoever reads the verdict must be told if the proof fails.
+    unproven = bool(alarm and steps) and not _carries_over(runs[2].errors, runs[3].errors, setting, search.window)
+    verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     location = location_of(alarm, effects, steps, last, shown, setting)
     known_in = {(e.kind, e.site) for e in plant.effects}
@@ -128,7 +143,14 @@ def diagnose(
     )
     shown_before = channels(runs[0].batch, runs[0].predicted, setting.noise) if alarm else found
     statement = verdict_sentence(
-        verdict, effects, location, shown_before, left, learnable, large, curve=curved is not None
+        verdict,
+        effects,
+        location,
+        shown_before,
+        left,
+        large,
+        curve=curved is not None,
+        unproven=worst_ratio(runs[3].errors.free_run, setting.noise) if unproven and not still else None,
     )
     return Diagnosis(
         verdict,
@@ -158,6 +180,7 @@ def diagnose(
             "learnable": LEARNABLE,
             "foreseen": FORESEEN,
             "still_learnable": STILL_LEARNABLE,
+            "proven": PROVEN,
             "compared_on": "free runs" if window is None else f"windows of {window:g} s",
             "most_effects": MOST_EFFECTS,
             "effective_samples": EFFECTIVE,
@@ -165,6 +188,13 @@ def diagnose(
         },
         time.perf_counter() - begun,
     )
+
+
+def _carries_over(before: Errors, after: Errors, setting: Setting, window: float | None) -> bool:
+    """Whether what was named also closes the gap on the hold-out, or leaves little there."""
+    first, last = (e.free_run if window is None else e.window for e in (before, after))
+    least, most = (worst_ratio(errors, setting.noise) for errors in (last, first))
+    return least <= LARGE or least - 1.0 <= (1.0 - PROVEN) * (most - 1.0)
 
 
 def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ..model.parameters import ParameterTable
 
-_ADDED_LEVELS = {
+ADDED_LEVELS = {
     "direction_dependent_friction": ("positive", "negative"),
     "position_dependent_friction": ("levels",),
     "position_direction_friction": ("positive", "negative"),
@@ -17,7 +17,7 @@ _ADDED_LEVELS = {
 def anchored(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.int64]:
     """Places of the levels that stay at zero because a Coulomb friction on the same axis takes the common part."""
     held = []
-    for kind, keys in _ADDED_LEVELS.items():
+    for kind, keys in ADDED_LEVELS.items():
         for site in ("cart", "swing", "hoist"):
             try:
                 places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]
@@ -31,7 +31,7 @@ def anchored(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.i
 def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Moves what an added friction has in common with the axis' Coulomb friction to the latter."""
     vector = vector.copy()
-    for kind, keys in _ADDED_LEVELS.items():
+    for kind, keys in ADDED_LEVELS.items():
         for site in ("cart", "swing", "hoist"):
             try:
                 places = [p for key in keys for p in table.positions(f"{kind}@{site}.{key}")]

@@ -17,7 +17,7 @@ from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
-from .levels import anchored, settle_levels
+from .levels import ADDED_LEVELS, anchored, settle_levels
 from .screen import Screen, Screened, screen
 from .trials import Fitted, State, Trial, cross_validated, folds, significance_of, transfer
 
@@ -116,7 +116,8 @@ class Search:
         of one batch.
         """
         tried = {trial.candidate.name for trial in done}
-        chosen = _shortlist([item for item in screened.ranked if item.candidate.name not in tried])
+        untried = [item for item in screened.ranked if item.candidate.name not in tried]
+        chosen = _with_simpler(_shortlist(untried), untried)
         by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
             by_name.setdefault(item.candidate.name, []).append(item)
@@ -124,10 +125,25 @@ class Search:
 
         def one(items: list[Screened]) -> Trial:
             engine, vector, free = self._with(state, items[0].candidate)
-            rows = np.array([i.start(engine.table, vector) for i in items])
-            return self._refit(state, [i.candidate for i in items], engine, rows, free)
+            rows = [i.start(engine.table, vector) for i in items]
+            seeds = [i.candidate for i in items]
+            if self.window is not None:
+                # What is missing has pulled the numbers so far away that a fit need not find back from there.
+                rows.append(self._as_given(engine.table, rows[0], free))
+                seeds.append(seeds[0])
+            return self._refit(state, seeds, engine, np.array(rows), free)
 
         return sorted(self._each(one, list(by_name.values())), key=lambda t: t.score)
+
+    def _as_given(
+        self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """A start with the numbers of the model as given, as far as they are estimated."""
+        start = vector.copy()
+        given = ParameterTable(self.given)
+        owner = transfer(given, np.array(given.ravel(self.given)), table, vector)
+        start[free] = owner[free]
+        return start
 
     def mechanisms(self, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
         """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
@@ -353,6 +369,14 @@ def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
             chosen.append(item)
             second.add(name)
     return chosen
+
+
+def _with_simpler(chosen: list[Screened], ranked: Sequence[Screened]) -> list[Screened]:
+    """With every law of friction, plain Coulomb friction on the same axis, which may explain as much with less."""
+    names = {item.candidate.name for item in chosen}
+    sites = {item.candidate.site for item in chosen if item.candidate.kind in ADDED_LEVELS}
+    plain = [item for item in ranked if item.candidate.kind == "coulomb_friction" and item.candidate.site in sites]
+    return chosen + [item for item in plain if item.candidate.name not in names]
 
 
 def _few(recordings: Sequence[Any]) -> tuple:

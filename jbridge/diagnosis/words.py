@@ -70,12 +70,23 @@ def verdict_sentence(
     location: Location,
     before: Mapping[str, Channel],
     after: Mapping[str, Channel],
-    learnable: float,
     large: bool,
     *,
     curve: bool,
+    unproven: float | None = None,
 ) -> str:
-    """The verdict in one or two sentences."""
+    """The verdict in one or two sentences.
+
+    Args:
+        verdict: `adequate`, `missing_physics` or `unknown`.
+        effects: what was named.
+        location: where.
+        before: errors of the model as given, refitted.
+        after: errors of the final model.
+        large: whether the errors before are more than noise.
+        curve: whether a force without a name was put into the model.
+        unproven: error over noise on the hold-out, where what was named does not hold there.
+    """
     worst = max(before, key=lambda axis: before[axis].ratio)
     ratio = before[worst].ratio
     if verdict == "adequate":
@@ -105,6 +116,11 @@ def verdict_sentence(
         gain = f"the error falls from {_times(ratio)} to {_times(final)} times the noise in free runs."
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
+    if unproven is not None:
+        return (
+            f"Something repeatable is missing at the {where}, but no explanation holds: what explains these recordings "
+            f"leaves errors of {_times(unproven)} times the noise on the hold-out."
+        )
     found = " What was found explains a part of it only." if effects else ""
     if curve:
         found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."

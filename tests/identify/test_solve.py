@@ -1,6 +1,5 @@
 """The solver against the full normal equations and against optimistix, on problems small enough for both."""
 
-
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -1,0 +1,49 @@
+"""The paper's two fuzzy controllers: one for the cart's position, one for the rope's length."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._types import Axes, Scalar
+from ..fuzzy.inference import AbstractSystem
+from ..fuzzy.norms import Softness
+from .base import AbstractController, Differences, Reference
+
+
+def _number(value: Any) -> Array:
+    return jnp.asarray(value, jnp.result_type(float))
+
+
+class FuzzyController(AbstractController):
+    """Two fuzzy systems of their own, as in Figure 7 of the paper.
+
+    The cart's system takes the normalised error, the speed [m/s] and the swing angle [degrees]; the hoist's takes the
+    normalised error and the speed. Both give a voltage. Errors are divided by a scale, which the paper does not give.
+    """
+
+    cart: AbstractSystem
+    hoist: AbstractSystem
+    cart_scale: Scalar = eqx.field(converter=_number, default=1.0)
+    """Error of the cart's position that counts as 1 [m]."""
+    hoist_scale: Scalar = eqx.field(converter=_number, default=1.0)
+    """Error of the rope's length that counts as 1 [m]."""
+    differences: Differences = Differences()
+    softness: Softness = None
+    """See `fuzzy.inference`; None for the textbook's inference."""
+
+    def start(self, measured: Axes) -> tuple[Axes, Axes]:
+        return self.differences.start(measured)
+
+    def command(
+        self, state: tuple[Axes, Axes], measured: Axes, reference: Reference, period: Scalar | float
+    ) -> tuple[Float[Array, " 2"], tuple[Axes, Axes]]:
+        speed, state = self.differences(state, measured, period)
+        cart = jnp.stack([(reference.x - measured.x) / self.cart_scale, speed.x, jnp.degrees(measured.psi)])
+        hoist = jnp.stack([(reference.l - measured.l) / self.hoist_scale, speed.l])
+        volts = (
+            system.infer(values, softness=self.softness).output[0]
+            for system, values in ((self.cart, cart), (self.hoist, hoist))
+        )
+        return jnp.stack(list(volts)), state
