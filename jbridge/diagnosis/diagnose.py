@@ -134,7 +134,8 @@ def diagnose(
     unproven = bool(alarm and steps) and not _carries_over(runs[2].errors, runs[3].errors, setting, search.window)
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
-    location = location_of(alarm, effects, steps, last, shown, setting)
+    at = curved.plant.effects[-1].site if curved is not None else None
+    location = location_of(alarm, effects, steps, last, shown, setting, at)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")

@@ -98,7 +98,20 @@ def location_of(
     last: tuple[Screen | None, list[Trial]],
     shown: Sequence[Any],
     setting: Setting,
+    curve: str | None,
 ) -> Location:
+    """Where the mismatch is.
+
+    Args:
+        alarm: whether there is one.
+        effects: what was named.
+        steps: how it was found.
+        last: the last screen and trials.
+        shown: recordings beside both models.
+        setting: noise.
+        curve: site of the force without a name that the final model keeps: what was named beside it explains a part
+            only, and the force says where the rest is.
+    """
     if not alarm:
         return Location(None, "none", {}, (), ())
     sites: dict[str, float] = {}
@@ -121,6 +134,7 @@ def location_of(
     at: str | None = next(iter(sites), None)
     if effects:
         at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
+    at = curve or at
     axis = AXIS_OF_SITE[at] if at is not None else None
     train = [trace for trace in shown if trace.role == "train"]
     where = region(train, axis) if axis is not None else ()
