@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..identify.base import channel_errors
 from ..identify.lanes import Batch
+from ..identify.result import Errors
 from .result import Channel
 
 LARGE = 1.5
@@ -25,6 +26,8 @@ FORESEEN = 0.15
 repeats the share is nothing, since a force that was learned from scatter makes matters worse."""
 STILL_LEARNABLE = 0.1
 """Either, for what named effects leave over: if so much of it repeats, the names are not the whole truth."""
+PROVEN = 0.5
+"""Least share of the excess over noise that named effects must remove from the hold-out."""
 _BLOCK = 0.1
 """Length of the blocks whose signs are drawn [s]."""
 _SPAN = 1.0
@@ -45,6 +48,19 @@ def worst_ratio(errors: Mapping[str, float], noise: Mapping[str, float]) -> floa
 def is_large(found: Mapping[str, Channel]) -> bool:
     # Written so that what is no number counts as large.
     return any(not channel.ratio <= LARGE for channel in found.values())
+
+
+def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, windows: bool) -> bool:
+    """Whether what was named closes the gap on the hold-out, too, or leaves little there.
+
+    Args:
+        before: the hold-out's errors without it.
+        after: with it.
+        noise: standard deviation of each channel [m, rad, m].
+        windows: whether windows were compared, since whole recordings drift too far.
+    """
+    first, last = (worst_ratio(errors.window if windows else errors.free_run, noise) for errors in (before, after))
+    return last <= LARGE or last - 1.0 <= (1.0 - PROVEN) * (first - 1.0)
 
 
 def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) -> float:

@@ -11,7 +11,6 @@ import numpy as np
 from ..errors import InputError
 from ..identify.base import WINDOW, BaseFit, base_fit, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.result import Errors
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
@@ -22,8 +21,10 @@ from .adequacy import (
     FORESEEN,
     LARGE,
     LEARNABLE,
+    PROVEN,
     SIGNIFICANT,
     STILL_LEARNABLE,
+    carries_over,
     channels,
     is_large,
     significance,
@@ -50,8 +51,6 @@ NONLINEAR = 3.0
 """Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
 MOST = 0.5
 """Least share of the excess that an effect must explain where the model is already adequate."""
-PROVEN = 0.5
-"""Least share of the excess over noise that named effects must remove from the hold-out."""
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
@@ -131,7 +130,9 @@ def diagnose(
     # A force without a name makes the simulation usable, but it explains nothing.
     still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= STILL_LEARNABLE)))
     # The model is frozen, but whoever reads the verdict must be told if the proof fails.
-    unproven = bool(alarm and steps) and not _carries_over(runs[2].errors, runs[3].errors, setting, search.window)
+    unproven = bool(alarm and steps) and not carries_over(
+        runs[2].errors, runs[3].errors, setting.noise, windows=search.window is not None
+    )
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     at = curved.plant.effects[-1].site if curved is not None else None
@@ -189,13 +190,6 @@ def diagnose(
         },
         time.perf_counter() - begun,
     )
-
-
-def _carries_over(before: Errors, after: Errors, setting: Setting, window: float | None) -> bool:
-    """Whether what was named also closes the gap on the hold-out, or leaves little there."""
-    first, last = (e.free_run if window is None else e.window for e in (before, after))
-    least, most = (worst_ratio(errors, setting.noise) for errors in (last, first))
-    return least <= LARGE or least - 1.0 <= (1.0 - PROVEN) * (most - 1.0)
 
 
 def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:

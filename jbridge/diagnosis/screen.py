@@ -39,6 +39,8 @@ class Screened:
     candidate: Candidate
     cost: float
     """Predicted sum of squares after a refit."""
+    gain: float
+    """The share of the sum of squares that this removes."""
     base_names: tuple[str, ...]
     """The base's free parameters."""
     base_step: NDArray[np.float64]
@@ -162,7 +164,9 @@ def screen(
         step = whole.step(*group)
         groups.append(group)
         if candidate not in unnamed:
-            ranked.append(Screened(candidate, whole.after(group[0], step), names, step[:base], step[base:]))
+            cost = whole.after(group[0], step)
+            gain = 1.0 - cost / max(whole.cost, 1e-300)
+            ranked.append(Screened(candidate, cost, gain, names, step[:base], step[base:]))
     learnable = _learnable(normal, groups, batch, base)
     ranked.sort(key=lambda s: s.cost)
     return Screen(ranked, learnable)

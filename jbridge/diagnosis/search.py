@@ -19,7 +19,7 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import ADDED_LEVELS, anchored, settle_levels
 from .screen import Screen, Screened, screen
-from .trials import Fitted, State, Trial, cross_validated, folds, significance_of, transfer
+from .trials import Fitted, State, Trial, cross_validated, folds, least_gain, significance_of, transfer
 
 REFITS = 5
 """Most candidates that are refitted at a time."""
@@ -29,6 +29,8 @@ _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
+_HARD_TO_PASS = 0.2
+"""Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
 _CURVE_PAYS = 0.8
 """Cost, relative to the model without it, that a force without a name must reach to be kept."""
 _PROMISING = 0.8
@@ -117,7 +119,10 @@ class Search:
         """
         tried = {trial.candidate.name for trial in done}
         untried = [item for item in screened.ranked if item.candidate.name not in tried]
-        chosen = _with_simpler(_shortlist(untried), untried)
+        if least_gain(state) > _HARD_TO_PASS:
+            # What is not even expected to gain half of what it must is not worth the time of a refit.
+            untried = [item for item in untried if item.gain > 0.5 * least_gain(state)]
+        chosen = with_simpler(_shortlist(untried), untried)
         by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
             by_name.setdefault(item.candidate.name, []).append(item)
@@ -371,7 +376,7 @@ def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
     return chosen
 
 
-def _with_simpler(chosen: list[Screened], ranked: Sequence[Screened]) -> list[Screened]:
+def with_simpler(chosen: list[Screened], ranked: Sequence[Screened]) -> list[Screened]:
     """With every law of friction, plain Coulomb friction on the same axis, which may explain as much with less."""
     names = {item.candidate.name for item in chosen}
     sites = {item.candidate.site for item in chosen if item.candidate.kind in ADDED_LEVELS}

@@ -179,6 +179,11 @@ def held(state: State, trial: Trial) -> float:
     return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
 
 
+def least_gain(state: State) -> float:
+    """Least share of the cost that a further effect must gain."""
+    return _GAIN if len(state.accepted) < 2 else _LATER_GAIN
+
+
 def accepts(state: State, trial: Trial, least: float) -> str:
     """Empty if the trial passes; otherwise why it does not.
 
@@ -187,8 +192,7 @@ def accepts(state: State, trial: Trial, least: float) -> str:
         trial: what is tried.
         least: least share of the excess that must hold on recordings left out.
     """
-    gain = _GAIN if len(state.accepted) < 2 else _LATER_GAIN
-    if not trial.cost < state.cost * (1 - gain):
+    if not trial.cost < state.cost * (1 - least_gain(state)):
         return "gains too little"
     if held(state, trial) < least:
         return "does not hold on recordings left out"

@@ -6,8 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.adequacy import LARGE, SIGNIFICANT, channels, is_large, significance
+from jbridge.diagnosis.adequacy import LARGE, SIGNIFICANT, carries_over, channels, is_large, significance
 from jbridge.identify.lanes import make_batch
+from jbridge.identify.result import Errors
 from tests.identify.cases import NOISE, make_recording
 
 TIMES = np.arange(1200) * 0.01
@@ -68,3 +69,21 @@ def test_what_was_not_measured_does_not_count(batch):
     error[:, 100:] = 1.0
     found = channels(replace(batch, lanes=lanes), predicted(batch, error), {"x": NOISE["x"]})
     assert found["x"].rmse == 0.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "holds"),
+    [
+        ({"x": 10.0, "l": 1.0}, {"x": 5.0, "l": 1.0}, True),
+        ({"x": 10.0, "l": 1.0}, {"x": 6.0, "l": 1.0}, False),
+        ({"x": 2.0, "l": 1.0}, {"x": 1.4, "l": 1.0}, True),
+        ({"x": 10.0, "l": 1.0}, {"x": 1.0, "l": 8.0}, False),
+    ],
+)
+def test_a_gap_must_close_on_the_holdout_too(before, after, holds):
+    """Half of the excess of the worst channel, or down to what counts as small."""
+    noise = {"x": 1e-3, "l": 1e-4}
+    away, good = ({axis: 1e3 * noise[axis] for axis in noise}, dict(noise))
+    scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
+    assert carries_over(*(Errors(s, away) for s in scaled), noise, windows=False) is holds
+    assert carries_over(*(Errors(good, s) for s in scaled), noise, windows=True) is holds

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels
+from jbridge.diagnosis.screen import Screened
+from jbridge.diagnosis.search import with_simpler
 from jbridge.diagnosis.trials import cross_validated, transfer
 from jbridge.identify.lanes import make_batch
 from jbridge.model.parameters import ParameterTable
@@ -100,3 +103,17 @@ def test_cross_validation_of_a_linear_model_is_exact():
         wanted += float(((design[r] @ own - data[r]) ** 2).sum())
     assert found == pytest.approx(wanted, rel=1e-5)
     assert found > float((residual**2).sum())
+
+
+def screened(kind, site, cost):
+    return Screened(Candidate(kind, site, {}, (), False), cost, 1.0 - cost, (), np.zeros(0), np.zeros(0))
+
+
+def test_plain_friction_is_tried_beside_every_law():
+    """A law with more levels expects a little more of itself, and would crowd out the plain one that is the truth."""
+    law, drag = screened("direction_dependent_friction", "hoist", 0.10), screened("quadratic_drag", "cart", 0.11)
+    plain, elsewhere = (screened("coulomb_friction", site, 0.12) for site in ("hoist", "cart"))
+    ranked = [law, drag, plain, elsewhere]
+    assert with_simpler([law, drag], ranked) == [law, drag, plain]
+    assert with_simpler([law, plain], ranked) == [law, plain]
+    assert with_simpler([drag], ranked) == [drag]
