@@ -1,0 +1,106 @@
+"""The paper's two rule bases, with sets placed by hand where the paper prints pictures only.
+
+Table 2 gives the universes. Figures 5 and 6 show trapezoids at the ends, triangles and Gaussian bells, those of the
+errors condensed around zero; their corners are not printed, so the ones here are assumed.
+"""
+
+from collections.abc import Sequence
+
+from ..fuzzy.inference import Mamdani
+from ..fuzzy.membership import AbstractMembership, Gaussian, Trapezoidal, Triangular, as_number
+from ..fuzzy.rules import Variable, rule
+from .fuzzy import FuzzyController
+
+RULES = (
+    "if error is NB then voltage is NB",
+    "if error is PB then voltage is PB",
+    "if error is NS then voltage is NS",
+    "if error is PS then voltage is PS",
+    "if error is NS and velocity is PB then voltage is NS",
+    "if error is PS and velocity is NB then voltage is PS",
+    "if error is ZE then voltage is ZE",
+    "if angle is N then voltage is ZE",
+    "if angle is P then voltage is ZE",
+)
+"""Rules 1 to 9 of the paper; the hoist has the first seven."""
+
+ERROR_RANGE = 3.0
+"""Error that counts as 1 [m]: the paper's universe is +-3 m, "normalized to [-1, 1]"."""
+
+
+def _triangle(*corners: float) -> AbstractMembership:
+    return Triangular(*(as_number(corner) for corner in corners))
+
+
+def _trapezoid(*corners: float) -> AbstractMembership:
+    return Trapezoidal(*(as_number(corner) for corner in corners))
+
+
+def _bell(width: float, centre: float) -> AbstractMembership:
+    return Gaussian(as_number(width), as_number(centre))
+
+
+def _variable(name: str, limit: float, labels: str, sets: Sequence[AbstractMembership]) -> Variable:
+    return Variable(name, as_number(-limit), as_number(limit), tuple(labels.split()), tuple(sets))
+
+
+def _error(small: float, big: float) -> Variable:
+    """Five sets, condensed around zero: `small` where ZE ends and NS, PS peak, `big` where NB, PB begin to hold."""
+    return _variable(
+        "error",
+        1.0,
+        "NB NS ZE PS PB",
+        [
+            _trapezoid(-1.0, -1.0, -big, -small),
+            _triangle(-big, -small, 0.0),
+            _triangle(-small, 0.0, small),
+            _triangle(0.0, small, big),
+            _trapezoid(small, big, 1.0, 1.0),
+        ],
+    )
+
+
+def _velocity() -> Variable:
+    return _variable(
+        "velocity",
+        0.7,
+        "NB ZE PB",
+        [_trapezoid(-0.7, -0.7, -0.4, 0.0), _bell(0.12, 0.0), _trapezoid(0.0, 0.4, 0.7, 0.7)],
+    )
+
+
+def _voltage(limit: float) -> Variable:
+    """Five sets over the voltage, in parts of its limit."""
+    corners = [
+        _trapezoid(-limit, -limit, -0.9 * limit, -0.5 * limit),
+        _triangle(-0.6 * limit, -0.3 * limit, 0.0),
+        _triangle(-0.1 * limit, 0.0, 0.1 * limit),
+        _triangle(0.0, 0.3 * limit, 0.6 * limit),
+        _trapezoid(0.5 * limit, 0.9 * limit, limit, limit),
+    ]
+    return _variable("voltage", limit, "NB NS ZE PS PB", corners)
+
+
+def cart_system() -> Mamdani:
+    """Rules 1 to 9: error, velocity [m/s] and swing angle [degrees] to the cart's voltage [V]."""
+    angle = _variable(
+        "angle",
+        45.0,
+        "N ZE P",
+        [_trapezoid(-45.0, -45.0, -20.0, -5.0), _bell(3.0, 0.0), _trapezoid(5.0, 20.0, 45.0, 45.0)],
+    )
+    inputs = (_error(0.004, 0.08), _velocity(), angle)
+    output = _voltage(3.0)
+    return Mamdani(inputs, (output,), tuple(rule(text, inputs, (output,)) for text in RULES))
+
+
+def hoist_system() -> Mamdani:
+    """Rules 1 to 7: error and velocity [m/s] to the hoist's voltage [V]."""
+    inputs = (_error(0.004, 0.05), _velocity())
+    output = _voltage(10.0)
+    return Mamdani(inputs, (output,), tuple(rule(text, inputs, (output,)) for text in RULES[:7]))
+
+
+def paper_controller() -> FuzzyController:
+    """Both rule bases as printed, with the sets assumed here."""
+    return FuzzyController(cart_system(), hoist_system(), as_number(ERROR_RANGE), as_number(ERROR_RANGE))
