@@ -83,7 +83,7 @@ def closed_loop(
     trail = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], memory + 1, axis=0), (first.q, first.v))
     # Before the first sample everything was at rest.
     rest = jax.tree.map(lambda leaf: leaf.at[:-1].set(0.0), trail[1])
-    times_back = step * jnp.arange(-memory, 1)
+    times_back = step * jnp.arange(-memory, 1, dtype=one.dtype)
 
     def look(carry: _Carry, t: Array) -> Axes:
         reading = read(plant, t + times_back, *carry.trail)[-1]
