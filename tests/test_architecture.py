@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"_math", "_parameters", "_types", "errors"},
-    {"signals", "recordings"},
+    {"_toml", "signals", "recordings"},
     {"model", "fuzzy"},
     {"control", "inputs"},
     {"rollout"},

@@ -4,22 +4,18 @@ A file is data, checked key by key against the catalogue; nothing in it is execu
 `load_model` reads back to the last bit.
 """
 
-import datetime
 import itertools
-import json
 import math
 import os
-import re
-import tomllib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, listed, quoted
+from .._toml import Where, as_key, as_value, nearest, read_toml, replace_text, shown, word
+from ..errors import listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
 from .effects.catalogue import KINDS, make_effect
@@ -63,8 +59,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Raises:
         InputError: naming the file, the key and what to do.
     """
-    document = _read(Path(path))
-    file = _Where(str(path))
+    document = read_toml(Path(path), "model", "a [bridge] table with cart_mass, load_mass, ...")
+    file = Where(str(path))
     file.check_keys(document, _SECTIONS, "section")
     if "bridge" not in document:
         file.refuse("no [bridge] table; add one with cart_mass, load_mass, cart_gain, ...")
@@ -83,15 +79,7 @@ def save_model(path: str | os.PathLike[str], model: Model) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    target = Path(path)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(_as_toml(model), encoding="utf-8", newline="")
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
+    replace_text(Path(path), _as_toml(model))
 
 
 def requires(model: Model, axes: Collection[str]) -> None:
@@ -107,57 +95,13 @@ def requires(model: Model, axes: Collection[str]) -> None:
     for needing, part, keys in _NEEDS:
         missing = [key for key in keys if key not in model.given]
         if missing and needing & set(axes):
-            _Where(model.source or "the model").within("[bridge]").refuse(
+            Where(model.source or "the model").within("[bridge]").refuse(
                 f"no {' and no '.join(missing)}, but the recordings show {part};"
                 f" add {' and '.join(f'{key} = ...' for key in missing)} (a guess will do unless it is named in known)"
             )
 
 
-@dataclass(frozen=True)
-class _Where:
-    """A place in a file, to which a refusal points."""
-
-    place: str
-
-    def within(self, table: str) -> "_Where":
-        return _Where(f"{self.place}, {table}")
-
-    def refuse(self, problem: str) -> NoReturn:
-        raise InputError(f"{self.place}: {problem}")
-
-    def check_keys(self, table: Mapping[str, Any], allowed: Iterable[str], noun: str) -> None:
-        for key in table:
-            if key not in allowed:
-                self.refuse(f"unknown {noun} {quoted(key)}; {_nearest(key, allowed)}")
-
-
-def _nearest(word: str, choices: Iterable[str]) -> str:
-    """What to write instead of an unknown word."""
-    every = list(choices)
-    near = get_close_matches(word, every, 1)
-    return f"did you mean {quoted(near[0], 80)}?" if near else f"choose among {listed(every, len(every))}"
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the path of a model TOML") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not text in UTF-8; give a model TOML, saved as UTF-8") from None
-    except (OSError, ValueError) as error:  # a path may hold a null byte
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); give the path of a model TOML") from None
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # besides syntax: a number too long, brackets too deep
-        raise InputError(f"{path}: not TOML ({error}); correct that line") from None
-    if not document:
-        raise InputError(f"{path}: the file is empty; write a [bridge] table with cart_mass, load_mass, ...")
-    return document
-
-
-def _read_bridge(where: _Where, table: Any) -> tuple[Bridge, set[str], Any]:
+def _read_bridge(where: Where, table: Any) -> tuple[Bridge, set[str], Any]:
     """The bridge, the keys that are given, and what stands under `known`."""
     if not isinstance(table, dict):
         where.refuse("bridge is not a table; write [bridge] on a line of its own and the numbers below it")
@@ -171,18 +115,18 @@ def _read_bridge(where: _Where, table: Any) -> tuple[Bridge, set[str], Any]:
     return Bridge(**values), set(values), table.get("known", [])
 
 
-def _read_effects(file: _Where, tables: Any) -> tuple[AbstractEffect, ...]:
+def _read_effects(file: Where, tables: Any) -> tuple[AbstractEffect, ...]:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         file.refuse("effect is not a list of tables; begin every effect with a line [[effect]]")
     return tuple(_read_effect(file, number, table) for number, table in enumerate(tables, start=1))
 
 
-def _read_effect(file: _Where, number: int, table: dict[str, Any]) -> AbstractEffect:
+def _read_effect(file: Where, number: int, table: dict[str, Any]) -> AbstractEffect:
     where = file.within(f"[[effect]] {number}")
-    kind = _word(where, "kind", table.get("kind"), KINDS)
+    kind = word(where, "kind", table.get("kind"), KINDS)
     where = file.within(f"[[effect]] {number} ({kind})")
     cls = KINDS[kind]
-    site = _word(where, "site", table.get("site"), cls.sites)
+    site = word(where, "site", table.get("site"), cls.sites)
     infos, options = parameters_of(cls), options_of(cls)
     where.check_keys(table, ("kind", "site", *infos, *options), "key")
     values: dict[str, Any] = {}
@@ -195,31 +139,20 @@ def _read_effect(file: _Where, number: int, table: dict[str, Any]) -> AbstractEf
             where.refuse(f"no {key}; add {key} = {'[...]' if info.vector else '...'} ({info.doc}, in {unit})")
     for key, choices in options.items():
         if key in table:
-            values[key] = _word(where, key, table[key], choices)
+            values[key] = word(where, key, table[key], choices)
     _check_vectors(where, values, infos)
     return make_effect(kind, site, values)
 
 
-def _word(where: _Where, key: str, value: Any, choices: Iterable[str]) -> str:
-    every = list(choices)
-    if value is None:
-        where.refuse(f"no {key}; add {key} = {' or '.join(map(json.dumps, every[:3]))}{', ...' if every[3:] else ''}")
-    if not isinstance(value, str):
-        where.refuse(f"{key} = {_shown(value)} is not a word in quotes; choose among {listed(every, len(every))}")
-    if value not in every:
-        where.refuse(f"unknown {key} {quoted(value)}; {_nearest(value, every)}")
-    return value
-
-
-def _number(where: _Where, key: str, value: Any, info: ParameterInfo, unit: str) -> float:
+def _number(where: Where, key: str, value: Any, info: ParameterInfo, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        where.refuse(f"{key} = {_shown(value)} is not a number; write it as {key} = 1.5 ({unit})")
+        where.refuse(f"{key} = {shown(value)} is not a number; write it as {key} = 1.5 ({unit})")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        where.refuse(f"{key} = {_shown(value)} is not a finite number; write it as {key} = 1.5 ({unit})")
+        where.refuse(f"{key} = {shown(value)} is not a finite number; write it as {key} = 1.5 ({unit})")
     if not info.low <= number <= info.high:
         where.refuse(f"{key} = {number!r} {_complaint(number, info)} ({info.doc}, in {unit}); correct it")
     return number
@@ -232,15 +165,15 @@ def _complaint(number: float, info: ParameterInfo) -> str:
     return f"is below {info.low:g}" if number < info.low else f"is above {info.high:g}"
 
 
-def _vector(where: _Where, key: str, value: Any, info: ParameterInfo, unit: str) -> list[float]:
+def _vector(where: Where, key: str, value: Any, info: ParameterInfo, unit: str) -> list[float]:
     if not isinstance(value, list):
-        where.refuse(f"{key} = {_shown(value)} is not a list; write it as {key} = [0.2, 0.8] ({unit})")
+        where.refuse(f"{key} = {shown(value)} is not a list; write it as {key} = [0.2, 0.8] ({unit})")
     if not value:
         where.refuse(f"{key} is empty; write it as {key} = [0.2, 0.8] ({unit})")
     return [_number(where, f"{key}[{i}]", entry, info, unit) for i, entry in enumerate(value)]
 
 
-def _check_vectors(where: _Where, values: Mapping[str, Any], infos: Mapping[str, ParameterInfo]) -> None:
+def _check_vectors(where: Where, values: Mapping[str, Any], infos: Mapping[str, ParameterInfo]) -> None:
     """Places must increase, and each vector of estimated numbers has one for each of the places before it."""
     places = ""
     for key in (key for key, info in infos.items() if info.vector):
@@ -253,13 +186,7 @@ def _check_vectors(where: _Where, values: Mapping[str, Any], infos: Mapping[str,
             where.refuse(f"{key} has {count} numbers for {wanted} {places}; give one for each of the {places}")
 
 
-def _shown(value: Any) -> str:
-    """A value as it may stand in a message."""
-    shown = quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
-    return shown if len(shown) <= 43 else shown[:40] + "..."
-
-
-def _check_plant(file: _Where, plant: Plant, given: Collection[str]) -> None:
+def _check_plant(file: Where, plant: Plant, given: Collection[str]) -> None:
     """Refuses effects that cannot stand together, and parts heavier than their sum."""
     try:
         _ = plant.drive_train
@@ -284,7 +211,7 @@ def _check_plant(file: _Where, plant: Plant, given: Collection[str]) -> None:
             )
 
 
-def _known_names(where: _Where, known: Any, table: ParameterTable) -> set[str]:
+def _known_names(where: Where, known: Any, table: ParameterTable) -> set[str]:
     """The parameters that `known` names, with their sites."""
     if not isinstance(known, list) or not all(isinstance(name, str) for name in known):
         where.refuse('known is not a list of names; write known = ["cart_mass", "gravity"]')
@@ -302,7 +229,7 @@ def _known_names(where: _Where, known: Any, table: ParameterTable) -> set[str]:
             whole = [group for group in groups if group.endswith(f".{name}")]
             likely = whole[0] if whole else name
             short = [] if "@" in likely else [_short(group) for group in groups if "@" in group]
-            hint = _nearest(likely, [*groups, *short])
+            hint = nearest(likely, [*groups, *short])
             where.refuse(f"{said} no parameter of this model; {hint}")
         names |= {name} if name.endswith("]") else found
     return names
@@ -314,7 +241,7 @@ def _short(group: str) -> str:
     return f"{kind}.{rest.split('.', 1)[1]}"
 
 
-def _read_uncertainty(file: _Where, table: Any) -> Mapping[str, Mapping[str, Any]]:
+def _read_uncertainty(file: Where, table: Any) -> Mapping[str, Mapping[str, Any]]:
     if not isinstance(table, dict) or not all(isinstance(entry, dict) for entry in table.values()):
         file.refuse("uncertainty does not hold tables; write [uncertainty.cart_mass] with std = 0.1, or delete it")
     return table
@@ -328,41 +255,18 @@ def _as_toml(model: Model) -> str:
         value = float(getattr(model.plant.bridge, key))
         # A number that a fit has moved is written, even if the file did not give it.
         if key in model.given or value != float(getattr(left_out, key)):
-            lines.append(f"{key} = {_value(value)}")
+            lines.append(f"{key} = {as_value(value)}")
     known = sorted(model.known, key=lambda name: table.positions(name)[0])
-    lines.append(f"known = {_value(known)}")
+    lines.append(f"known = {as_value(known)}")
     for effect in model.plant.effects:
-        lines += ["", "[[effect]]", f"kind = {_value(effect.kind)}", f"site = {_value(effect.site)}"]
+        lines += ["", "[[effect]]", f"kind = {as_value(effect.kind)}", f"site = {as_value(effect.site)}"]
         for key, info in parameters_of(type(effect)).items():
             number = np.asarray(getattr(effect, info.name), dtype=np.float64)
             if not (info.optional and np.isnan(number).any()):
-                lines.append(f"{key} = {_value(number.tolist())}")
+                lines.append(f"{key} = {as_value(number.tolist())}")
         for key, choices in options_of(type(effect)).items():
-            lines.append(f"{key} = {_value(choices[round(float(getattr(effect, key)))])}")
+            lines.append(f"{key} = {as_value(choices[round(float(getattr(effect, key)))])}")
     for name, entries in model.uncertainty.items():
-        lines += ["", f"[uncertainty.{_key(name)}]"]
-        lines += [f"{_key(key)} = {_value(value)}" for key, value in entries.items() if value is not None]
+        lines += ["", f"[uncertainty.{as_key(name)}]"]
+        lines += [f"{as_key(key)} = {as_value(value)}" for key, value in entries.items() if value is not None]
     return "\n".join(lines) + "\n"
-
-
-def _key(name: str) -> str:
-    """A key in TOML's notation, in quotes only where it must be."""
-    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else _value(name)
-
-
-def _value(value: Any) -> str:
-    """A value in TOML's notation; a float has the fewest digits that give it back."""
-    if isinstance(value, str):
-        # JSON's escapes are TOML's, but for one character that TOML wants escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, datetime.date | datetime.time):
-        return value.isoformat()
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list | tuple) or np.ndim(value):
-        return "[" + ", ".join(_value(entry) for entry in value) + "]"
-    return repr(float(value))

@@ -1,0 +1,129 @@
+"""Files in TOML, read key by key and written whole: what models and controllers have in common.
+
+A file is data; nothing in it is executed. Whatever is wrong with it becomes one line that names file, table and key.
+"""
+
+import datetime
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .errors import InputError, listed, quoted
+
+
+@dataclass(frozen=True)
+class Where:
+    """A place in a file, to which a refusal points."""
+
+    place: str
+
+    def within(self, table: str) -> "Where":
+        return Where(f"{self.place}, {table}")
+
+    def refuse(self, problem: str) -> NoReturn:
+        raise InputError(f"{self.place}: {problem}")
+
+    def check_keys(self, table: Mapping[str, Any], allowed: Iterable[str], noun: str) -> None:
+        for key in table:
+            if key not in allowed:
+                self.refuse(f"unknown {noun} {quoted(key)}; {nearest(key, allowed)}")
+
+
+def nearest(word: str, choices: Iterable[str]) -> str:
+    """What to write instead of an unknown word."""
+    every = list(choices)
+    near = get_close_matches(word, every, 1)
+    return f"did you mean {quoted(near[0], 80)}?" if near else f"choose among {listed(every, len(every))}"
+
+
+def word(where: Where, key: str, value: Any, choices: Iterable[str]) -> str:
+    every = list(choices)
+    if value is None:
+        where.refuse(f"no {key}; add {key} = {' or '.join(map(json.dumps, every[:3]))}{', ...' if every[3:] else ''}")
+    if not isinstance(value, str):
+        where.refuse(f"{key} = {shown(value)} is not a word in quotes; choose among {listed(every, len(every))}")
+    if value not in every:
+        where.refuse(f"unknown {key} {quoted(value)}; {nearest(value, every)}")
+    return value
+
+
+def shown(value: Any) -> str:
+    """A value as it may stand in a message."""
+    text = quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= 43 else text[:40] + "..."
+
+
+def read_toml(path: Path, noun: str, first: str) -> dict[str, Any]:
+    """The tables of a file.
+
+    Args:
+        path: of the file.
+        noun: what it is, such as "model".
+        first: what an empty file should begin with.
+
+    Raises:
+        InputError: there is no such file, or it is not TOML.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the path of a {noun} TOML") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not text in UTF-8; give a {noun} TOML, saved as UTF-8") from None
+    except (OSError, ValueError) as error:  # a path may hold a null byte
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); give the path of a {noun} TOML") from None
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # besides syntax: a number too long, brackets too deep
+        raise InputError(f"{path}: not TOML ({error}); correct that line") from None
+    if not document:
+        raise InputError(f"{path}: the file is empty; write {first}")
+    return document
+
+
+def replace_text(target: Path, text: str) -> None:
+    """Writes a text file; it appears whole or not at all, and an existing file is replaced.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8", newline="")
+        os.replace(part, target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def as_key(name: str) -> str:
+    """A key in TOML's notation, in quotes only where it must be."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else as_value(name)
+
+
+def as_value(value: Any) -> str:
+    """A value in TOML's notation; a float has the fewest digits that give it back."""
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, but for one character that TOML wants escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{as_key(key)} = {as_value(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list | tuple) or np.ndim(value):
+        return "[" + ", ".join(as_value(entry) for entry in value) + "]"
+    return repr(float(value))
