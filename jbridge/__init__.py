@@ -8,9 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jbridge._types import Axes as Axes
+    from jbridge.control.files import Controller as Controller
+    from jbridge.control.files import load_controller as load_controller
+    from jbridge.control.files import save_controller as save_controller
+    from jbridge.control.paper import paper_controller as paper_controller
+    from jbridge.control.references import load_reference as load_reference
+    from jbridge.control.references import paper_path as paper_path
     from jbridge.diagnosis.diagnose import diagnose as diagnose
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
     from jbridge.errors import InputError as InputError
+    from jbridge.fuzzy.check import idle_parts as idle_parts
+    from jbridge.fuzzy.fis import load_fis as load_fis
+    from jbridge.fuzzy.fis import save_fis as save_fis
     from jbridge.identify.fit import fit as fit
     from jbridge.identify.result import Fit as Fit
     from jbridge.model.bridge import Bridge as Bridge
@@ -31,6 +40,12 @@ if TYPE_CHECKING:
     from jbridge.report.save import save_report as save_report
     from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
     from jbridge.report.terminal import describe_fit as describe_fit
+    from jbridge.report.tracking import describe_tracking as describe_tracking
+    from jbridge.report.tracking import save_tracking as save_tracking
+    from jbridge.signals import Path as Path
+    from jbridge.signals import smooth_path as smooth_path
+    from jbridge.tracking import Tracking as Tracking
+    from jbridge.tracking import track as track
 
 __version__: str
 
@@ -40,25 +55,40 @@ _HOMES = {
     "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
+    "Controller": "control.files",
     "Diagnosis": "diagnosis.result",
     "Fit": "identify.result",
     "InputError": "errors",
     "Model": "model.files",
+    "Path": "signals",
     "Plant": "model.plant",
     "Recording": "recordings",
+    "Tracking": "tracking",
     "check_output": "report.files",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
+    "describe_tracking": "report.tracking",
     "diagnose": "diagnosis.diagnose",
     "fit": "identify.fit",
+    "idle_parts": "fuzzy.check",
+    "load_controller": "control.files",
+    "load_fis": "fuzzy.fis",
     "load_model": "model.files",
     "load_recording": "recordings",
     "load_recordings": "recordings",
+    "load_reference": "control.references",
+    "paper_controller": "control.paper",
+    "paper_path": "control.references",
+    "save_controller": "control.files",
     "save_csv": "recordings",
+    "save_fis": "fuzzy.fis",
     "save_fit": "report.save",
     "save_model": "model.files",
     "save_report": "report.save",
+    "save_tracking": "report.tracking",
     "simulate": "prediction",
+    "smooth_path": "signals",
+    "track": "tracking",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
 
@@ -68,26 +98,41 @@ __all__ = [
     "Axes",
     "Bridge",
     "CATALOGUE",
+    "Controller",
     "Diagnosis",
     "Fit",
     "InputError",
     "Model",
+    "Path",
     "Plant",
     "Recording",
+    "Tracking",
     "check_output",
     "describe_diagnosis",
     "describe_fit",
+    "describe_tracking",
     "diagnose",
     "fit",
+    "idle_parts",
+    "load_controller",
+    "load_fis",
     "load_model",
     "load_recording",
     "load_recordings",
+    "load_reference",
+    "paper_controller",
+    "paper_path",
+    "save_controller",
     "save_csv",
+    "save_fis",
     "save_fit",
     "save_model",
     "save_report",
+    "save_tracking",
     "set_up",
     "simulate",
+    "smooth_path",
+    "track",
 ]
 
 

@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose.
+"""The command `jbridge`: simulate, fit, diagnose, control.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -18,6 +18,7 @@ from jbridge import InputError
 
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
+_OUT = "folder for the results; files in it are replaced one by one"
 _SIMULATE = """\
 Plays the inputs of a recording on a model and writes what the sensors would
 read, without noise.
@@ -43,6 +44,15 @@ cannot decide, the input to play next.
 
 Recordings behind --holdout are opened once, after the model is frozen, and
 prove it; without them the last quarter of the recordings plays that part.
+"""
+_CONTROL = """\
+Lets a controller move the load of a model along a reference, and says how each
+move went.
+
+Without --controller the paper's two fuzzy controllers are used, without
+--reference the paper's moves. DIR receives control.html (to look at),
+control.json (the same in numbers), run.csv (the run as a recording), the
+figures, and controller.toml (the controller, to change and use again).
 """
 
 
@@ -108,6 +118,28 @@ def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_report(arguments.out, result)
     progress.clear()
     print(jbridge.describe_diagnosis(result, arguments.out), end="")
+
+
+def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    given = [path for path in (arguments.model, arguments.controller, arguments.reference) if path]
+    jbridge.check_output(arguments.out, folder=True, inputs=given)
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    if arguments.controller:
+        controller = jbridge.load_controller(arguments.controller)
+    else:
+        controller = jbridge.Controller(jbridge.paper_controller())
+    if arguments.reference:
+        path = jbridge.load_reference(arguments.reference, controller.period)
+    else:
+        path = jbridge.paper_path(controller.period)
+    progress("simulating")
+    tracking = jbridge.track(model, controller, path)
+    progress("drawing")
+    jbridge.save_tracking(arguments.out, tracking, controller)
+    progress.clear()
+    print(jbridge.describe_tracking(tracking, arguments.out), end="")
 
 
 def _load(
@@ -186,7 +218,13 @@ def _parser() -> _Parser:
     diagnose = _command(commands, "diagnose", "why recordings and simulation differ", _DIAGNOSE, _diagnose)
     diagnose.epilog = "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report"
     _add_recordings(diagnose)
-    for command in (simulate, fit, diagnose):
+    control = _command(commands, "control", "how a controller moves the load", _CONTROL, _control)
+    control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
+    control.add_argument("model", metavar="MODEL.toml", help=_MODEL)
+    control.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller; the paper's by default")
+    control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
+    control.add_argument("--out", metavar="DIR", required=True, help=_OUT)
+    for command in (simulate, fit, diagnose, control):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
         )
@@ -222,9 +260,7 @@ def _add_recordings(command: _Parser) -> None:
         default=[],
         help="recordings kept apart as proof; every file up to the next option",
     )
-    command.add_argument(
-        "--out", metavar="DIR", required=True, help="folder for the results; files in it are replaced one by one"
-    )
+    command.add_argument("--out", metavar="DIR", required=True, help=_OUT)
 
 
 if __name__ == "__main__":

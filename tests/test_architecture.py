@@ -25,6 +25,7 @@ LAYERS = (
     {"control", "inputs"},
     {"rollout"},
     {"loop", "prediction"},
+    {"tracking"},
     {"identify"},
     {"diagnosis", "tune"},
     {"sweep"},

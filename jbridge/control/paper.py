@@ -71,14 +71,15 @@ def _velocity() -> Variable:
 
 def _voltage(limit: float) -> Variable:
     """Five sets over the voltage, in parts of its limit."""
-    corners = [
-        _trapezoid(-limit, -limit, -0.9 * limit, -0.5 * limit),
-        _triangle(-0.6 * limit, -0.3 * limit, 0.0),
-        _triangle(-0.1 * limit, 0.0, 0.1 * limit),
-        _triangle(0.0, 0.3 * limit, 0.6 * limit),
-        _trapezoid(0.5 * limit, 0.9 * limit, limit, limit),
+    full, most, half, third, small = (round(part * limit, 6) for part in (1.0, 0.9, 0.5, 0.3, 0.1))
+    sets = [
+        _trapezoid(-full, -full, -most, -half),
+        _triangle(-2 * third, -third, 0.0),
+        _triangle(-small, 0.0, small),
+        _triangle(0.0, third, 2 * third),
+        _trapezoid(half, most, full, full),
     ]
-    return _variable("voltage", limit, "NB NS ZE PS PB", corners)
+    return _variable("voltage", limit, "NB NS ZE PS PB", sets)
 
 
 def cart_system() -> Mamdani:

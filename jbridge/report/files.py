@@ -89,5 +89,8 @@ def _check_inputs(target: Path, folder: bool, inputs: Iterable[PathLike]) -> Non
             raise InputError(f"{source}: the results would replace this file, which is read; choose another --out")
 
 
-RESULTS = ("report.json", "report.html", "model.toml", "next_experiment.csv", "fit.json", "fit.html")
+RESULTS = (
+    "report.json", "report.html", "model.toml", "next_experiment.csv", "fit.json", "fit.html",
+    "control.json", "control.html", "controller.toml", "run.csv",
+)  # fmt: skip
 """Names of the files that land in the results' folder, besides the figures."""

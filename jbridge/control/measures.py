@@ -1,0 +1,103 @@
+"""How well a move went: settling, overshoot, residual swing, effort."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+NEAR = 0.01
+"""Distance within which a position counts as reached [m]."""
+_REST = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Move:
+    """One leg of a reference, from when it starts until the next one does."""
+
+    start: float
+    """[s]"""
+    arrival: float
+    """When the reference comes to rest [s]."""
+    settling_time: dict[str, float | None]
+    """Time from the start until the position stays within 1 cm of the goal [s], for `x`, `l` and the `load`'s
+    horizontal position; None if it does not."""
+    overshoot: dict[str, float]
+    """How far beyond the goal, as a share of the way, for `x` and `l`."""
+    steady_error: dict[str, float]
+    """Mean error over the last quarter of the rest [m], for `x` and `l`."""
+    residual_swing: float
+    """Largest swing angle over the last quarter of the rest [rad]."""
+    itae: dict[str, float]
+    """Time-weighted absolute error to the goal [m s^2], for `x` and `l`."""
+    effort: dict[str, float]
+    """Mean square voltage [V^2]."""
+
+
+def moves(
+    times: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    position: NDArray[np.float64],
+    command: NDArray[np.float64],
+) -> tuple[Move, ...]:
+    """Every leg of a reference, measured.
+
+    Args:
+        times: of the samples [s], equally spaced.
+        reference: wanted cart position and rope length [m], one row a sample.
+        position: `x` [m], `psi` [rad], `l` [m], one row a sample.
+        command: voltages [V], one row a sample.
+    """
+    return tuple(
+        _measure(times[rows], reference[rows], position[rows], command[rows], float(times[stop]))
+        for rows, stop in _legs(reference)
+    )
+
+
+def _legs(reference: NDArray[np.float64]) -> Sequence[tuple[slice, int]]:
+    """Rows of each leg with the rest that follows, and the row at which the reference has arrived."""
+    moving = np.append(np.abs(np.diff(reference, axis=0)).max(axis=1) > _REST, False)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(int), [0]])))
+    starts, stops = edges[::2], edges[1::2]
+    ends = [*starts[1:], len(reference)]
+    return [(slice(int(a), int(end)), int(b)) for a, b, end in zip(starts, stops, ends, strict=True)]
+
+
+def _measure(
+    times: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    position: NDArray[np.float64],
+    command: NDArray[np.float64],
+    arrival: float,
+) -> Move:
+    start, goal = reference[0], reference[-1]
+    since = times - times[0]
+    place = {"x": position[:, 0], "l": position[:, 2]}
+    wanted = dict(zip(("x", "l"), goal, strict=True))
+    way = dict(zip(("x", "l"), goal - start, strict=True))
+    load = position[:, 0] + position[:, 2] * np.sin(position[:, 1])
+    late = times >= arrival + 0.75 * (times[-1] - arrival)
+    beyond = {
+        axis: float(np.max(np.sign(way[axis]) * (place[axis] - wanted[axis]), initial=0.0)) / abs(way[axis])
+        if way[axis]
+        else 0.0
+        for axis in place
+    }
+    return Move(
+        float(times[0]),
+        arrival,
+        {axis: _settled(since, place[axis] - wanted[axis]) for axis in place}
+        | {"load": _settled(since, load - goal[0])},
+        beyond,
+        {axis: float(np.mean(place[axis][late] - wanted[axis])) for axis in place},
+        float(np.max(np.abs(position[late, 1]))),
+        {axis: float(np.trapezoid(since * np.abs(place[axis] - wanted[axis]), since)) for axis in place},
+        {axis: float(np.mean(command[:, k] ** 2)) for k, axis in enumerate(place)},
+    )
+
+
+def _settled(since: NDArray[np.float64], error: NDArray[np.float64]) -> float | None:
+    outside = np.flatnonzero(np.abs(error) > NEAR)
+    if not len(outside):
+        return 0.0
+    return float(since[outside[-1] + 1]) if outside[-1] + 1 < len(since) else None

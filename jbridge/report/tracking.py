@@ -1,0 +1,135 @@
+"""What `control` leaves: the run as a recording, how each move went, and the pictures."""
+
+import json
+from pathlib import Path
+
+from ..control.files import Controller, save_controller
+from ..recordings import save_csv
+from ..tracking import Tracking
+from .figures.style import Picture
+from .figures.tracking import Run, draw_commands, draw_positions, draw_way
+from .files import PathLike, make_folder, write_bytes, write_text
+from .html import bullets, element, page, section, show_all, table, tag
+from .quantities import digits
+
+RUN = "run.csv"
+_NEVER = "not within the time"
+_EXPLAINED = (
+    "Settled: within 1 cm of the goal until the next move, counted from the move's start. Overshoot: as a share of the "
+    "way. Steady error and swing: over the last quarter of the rest."
+)
+
+
+def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller, notes: tuple[str, ...] = ()) -> Path:
+    """Writes run.csv (the run as a recording), controller.toml, control.json, figures/*.png and control.html.
+
+    Args:
+        folder: where to.
+        tracking: the closed loop.
+        controller: what commanded it.
+        notes: what to say besides.
+
+    Returns:
+        The path of control.html.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    target = Path(folder)
+    make_folder(target)
+    save_csv(target / RUN, tracking.columns)
+    save_controller(target / "controller.toml", controller)
+    moves = [move.__dict__ for move in tracking.moves]
+    write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves, "notes": notes}, indent=2) + "\n")
+    pictures = tracking_pictures(tracking)
+    for drawn in pictures:
+        write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
+    write_text(target / "control.html", _page(tracking, pictures, notes))
+    return target / "control.html"
+
+
+def describe_tracking(tracking: Tracking, folder: PathLike | None = None, notes: tuple[str, ...] = ()) -> str:
+    """How each move went, as a table for the terminal."""
+    rows = _rows(tracking)
+    head = ("move", "to x, l [m]", "settled, s", "load settled, s", "overshoot x, l", "steady error x, l", "swing left")
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+    ]
+    lines += ["", *(f"Note        {note}" for note in notes)] if notes else [""]
+    if folder is not None:
+        lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
+    return "\n".join(lines) + "\n"
+
+
+def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
+    """Positions, voltages and the load's way."""
+    reference: Run = {"t": tracking.times, **tracking.reference}
+    runs: dict[str, Run] = {"simulated": {"t": tracking.times, **tracking.position, **tracking.command}}
+    stops = [("start", float(tracking.reference["x"][0]), float(tracking.reference["l"][0]))]
+    for number, goal in enumerate(_goals(tracking), start=1):
+        stops.append((f"goal {number}", *goal))
+    return (
+        draw_positions("positions", "Positions along the reference", reference, runs),
+        draw_commands("commands", "What the controller commands", runs),
+        draw_way("way", "The way of the load", reference, runs, stops),
+    )
+
+
+def _goals(tracking: Tracking) -> list[tuple[float, float]]:
+    ends = [*(move.start for move in tracking.moves[1:]), float("inf")]
+    out = []
+    for end in ends:
+        row = int((tracking.times < end).sum()) - 1
+        out.append((float(tracking.reference["x"][row]), float(tracking.reference["l"][row])))
+    return out
+
+
+def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for number, (move, (x, l)) in enumerate(zip(tracking.moves, _goals(tracking), strict=True), start=1):
+        settled = [
+            _NEVER if move.settling_time[k] is None else digits(move.settling_time[k]) for k in ("x", "l", "load")
+        ]
+        rows.append(
+            (
+                str(number),
+                f"{x:.3g}, {l:.3g}",
+                f"{settled[0]}, {settled[1]}",
+                settled[2],
+                ", ".join(f"{100 * move.overshoot[k]:.2g} %" for k in ("x", "l")),
+                ", ".join(f"{1e3 * move.steady_error[k]:.2g} mm" for k in ("x", "l")),
+                f"{57.29577951308232 * move.residual_swing:.2g}°",
+            )
+        )
+    return rows
+
+
+def _page(tracking: Tracking, pictures: tuple[Picture, ...], notes: tuple[str, ...]) -> str:
+    head = (
+        "move",
+        "to x, l [m]",
+        "x and l settled [s]",
+        "load settled [s]",
+        "overshoot of x, l",
+        "steady error of x, l",
+        "swing left",
+    )
+    title = f"{len(tracking.moves)} moves in {digits(tracking.times[-1])} s"
+    return page(
+        "Closed loop - jbridge",
+        [
+            element("header", tag("p", "The controller moves the load", "verdict") + tag("h1", title)),
+            section(
+                "How each move went",
+                table(head, _rows(tracking)),
+                tag(
+                    "p",
+                    _EXPLAINED,
+                    "soft",
+                ),
+            ),
+            section("What happened", show_all(pictures)),
+            section("Notes", bullets(notes)),
+        ],
+    )

@@ -1,0 +1,91 @@
+"""`track`: a model under a controller along a reference, and how well that went."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .control.base import Reference
+from .control.files import Controller
+from .control.measures import Move, moves
+from .errors import InputError
+from .loop import closed_loop, periods_remembered
+from .model.files import Model, requires
+from .signals import Path
+
+_STEP = 0.005
+"""Longest integration step [s]; with a hidden coordinate half of it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Tracking:
+    """A closed loop at the controller's samples."""
+
+    times: NDArray[np.float64]
+    """[s]"""
+    reference: Mapping[str, NDArray[np.float64]]
+    """Wanted `x` and `l` [m]."""
+    position: Mapping[str, NDArray[np.float64]]
+    """True `x` [m], `psi` [rad], `l` [m]."""
+    measured: Mapping[str, NDArray[np.float64]]
+    """The same as the sensors read them."""
+    command: Mapping[str, NDArray[np.float64]]
+    """`u_x`, `u_l` [V], held until the next sample."""
+    moves: tuple[Move, ...]
+    """How each leg of the reference went."""
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """A recording of the run: `t`, inputs, what the sensors read, and the reference."""
+        wanted = {f"{axis}_ref": values for axis, values in self.reference.items()}
+        return {"t": self.times, **self.command, **self.measured, **wanted}
+
+
+_run = eqx.filter_jit(closed_loop)
+
+
+def track(model: Model, controller: Controller, path: Path) -> Tracking:
+    """Lets a controller move a model's bridge along a reference, from rest at its beginning.
+
+    Args:
+        model: what moves.
+        controller: what commands it.
+        path: the reference, at the controller's samples (`signals.smooth_path`).
+
+    Raises:
+        InputError: the model lacks a part of the bridge, or path and controller have different periods.
+    """
+    requires(model, ("x", "psi", "l"))
+    plant, period = model.plant, controller.period
+    if len(path.times) < 2 or not np.allclose(np.diff(path.times), period, rtol=1e-6, atol=1e-9):
+        raise InputError(
+            f"{controller.source or 'the controller'}: it samples every {period:g} s, but the reference does not; "
+            "give the reference at the controller's samples"
+        )
+    initial = np.zeros(6 + 2 * len(plant.mechanisms))
+    initial[0], initial[2] = path.x[0], path.l[0]
+    step = _STEP / (2 if plant.mechanisms else 1)
+    response = _run(
+        plant,
+        controller.law,
+        jnp.asarray(initial),
+        Reference(*(jnp.asarray(values) for values in path[1:])),
+        period=period,
+        substeps=max(1, math.ceil(period / step - 1e-6)),
+        memory=periods_remembered(plant, period),
+    )
+    position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)
+    command = np.asarray(response.command)
+    names = ("x", "psi", "l")
+    return Tracking(
+        path.times,
+        {"x": path.x, "l": path.l},
+        dict(zip(names, position.T, strict=True)),
+        {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
+        {"u_x": command[:, 0], "u_l": command[:, 1]},
+        moves(path.times, np.stack([path.x, path.l], axis=1), position, command),
+    )
