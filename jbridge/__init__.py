@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jbridge._types import Axes as Axes
+    from jbridge.control.base import Reference as Reference
     from jbridge.control.files import Controller as Controller
     from jbridge.control.files import load_controller as load_controller
     from jbridge.control.files import save_controller as save_controller
+    from jbridge.control.measures import moves as moves
     from jbridge.control.paper import paper_controller as paper_controller
     from jbridge.control.references import load_reference as load_reference
     from jbridge.control.references import paper_path as paper_path
@@ -63,6 +65,7 @@ _HOMES = {
     "Path": "signals",
     "Plant": "model.plant",
     "Recording": "recordings",
+    "Reference": "control.base",
     "Tracking": "tracking",
     "check_output": "report.files",
     "describe_diagnosis": "report.terminal",
@@ -77,6 +80,7 @@ _HOMES = {
     "load_recording": "recordings",
     "load_recordings": "recordings",
     "load_reference": "control.references",
+    "moves": "control.measures",
     "paper_controller": "control.paper",
     "paper_path": "control.references",
     "save_controller": "control.files",
@@ -106,6 +110,7 @@ __all__ = [
     "Path",
     "Plant",
     "Recording",
+    "Reference",
     "Tracking",
     "check_output",
     "describe_diagnosis",
@@ -120,6 +125,7 @@ __all__ = [
     "load_recording",
     "load_recordings",
     "load_reference",
+    "moves",
     "paper_controller",
     "paper_path",
     "save_controller",

@@ -1,0 +1,185 @@
+"""The paper's experiments, one after the other: record, estimate, validate, control.
+
+    python experiments/paper/run.py                 all of it, from scratch (needs the extra `proof`)
+    python experiments/paper/run.py --only record   one stage: record, estimate, validate, control, diagnose
+
+Recordings and fits go below out/paper; what the figures show goes to figures/data/paper.json, from which `jbridge
+figures` redraws them. Whatever the paper calls the real device is here the virtual rig (`virtual.py`).
+"""
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jbridge
+from procedure import plan, steps
+from virtual import HERE, RAIL, open_truth, play
+
+ROOT = HERE.parent.parent
+OUT = ROOT / "out" / "paper"
+DATA = ROOT / "figures" / "data" / "paper.json"
+PARTITIONS = np.linspace(*RAIL, 7)
+"""Partitions of the rail, chosen without knowing the rig's."""
+STAGES = ("record", "estimate", "validate", "control", "diagnose")
+KEEP = 4
+"""Every so many samples of 5 ms are kept for the figures."""
+
+
+def record() -> None:
+    """Ramps, decays, winch tests, and the steps of Figure 4."""
+    folder = OUT / "recordings"
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, (name, law, seconds, start) in enumerate(plan()):
+        jbridge.save_csv(folder / f"{name}.csv", play(law, seconds, 100 + number, **start))
+        print(f"{name}: {seconds:g} s", flush=True)
+    jbridge.save_csv(OUT / "steps.csv", play(steps(2.0, 1.2, 1.0), 7.0, 7, x=0.3, l=0.7))
+
+
+def estimate() -> None:
+    """All unknown numbers from all tests together, the friction table among them."""
+    model = jbridge.load_model(HERE / "guess.toml")
+    recordings = jbridge.load_recordings(sorted((OUT / "recordings").glob("*.csv")))
+    result = jbridge.fit(model, recordings)
+    jbridge.save_fit(OUT / "fitted", result)
+    print(jbridge.describe_fit(result, OUT / "fitted"))
+
+
+def validate() -> dict:
+    """Figure 4: the steps, before and after the estimation; and the numbers found beside the rig's own."""
+    recording = jbridge.load_recording(OUT / "steps.csv")
+    shown = {"rig": columns(OUT / "steps.csv")}
+    for name, path in (("before", HERE / "guess.toml"), ("after", OUT / "fitted" / "model.toml")):
+        table = jbridge.simulate(jbridge.load_model(path), recording)
+        shown[name] = {key: values[::KEEP].tolist() for key, values in table.items()}
+    return {"steps": shown, "friction": friction(), "numbers": numbers()}
+
+
+def columns(path: Path) -> dict[str, list[float]]:
+    recording = jbridge.load_recording(path)
+    found = {"t": recording.times - recording.times[0]}
+    found |= {name: getattr(recording, name) for name in ("u_x", "u_l", "x", "psi", "l")}
+    return {name: np.asarray(values)[::KEEP].tolist() for name, values in found.items()}
+
+
+def friction() -> list[dict]:
+    """Mean friction of each partition and direction: the rig's own, found, and the error."""
+    truth = next(e for e in open_truth()["effects"] if e["kind"] == "position_direction_friction")
+    found = json.loads((OUT / "fitted" / "fit.json").read_text())["model_effects"]
+    table = next(e for e in found if e["kind"] == "position_direction_friction")["parameters"]
+    rows = []
+    for low, high in zip(PARTITIONS, PARTITIONS[1:], strict=False):
+        # The cart's tests do not reach the last centimetres of the rail.
+        places = np.linspace(max(low, RAIL[0] + 0.08), min(high, RAIL[1] - 0.08), 200)
+        for side in ("positive", "negative"):
+            own = float(np.mean(np.interp(places, truth["knots"], truth[side])))
+            mine = float(np.mean(np.interp(places, table["knots"]["value"], table[side]["value"])))
+            rows.append({"low": low, "high": high, "side": side, "rig": own, "found": mine, "error": mine / own - 1})
+    return rows
+
+
+def numbers() -> list[dict]:
+    """Every other number, the rig's own and found, with its interval."""
+    truth, fitted = open_truth(), json.loads((OUT / "fitted" / "fit.json").read_text())
+    rows = []
+    for key, own in truth["bridge"].items():
+        rows.append({"name": key, "rig": own, **fitted["bridge"][key]})
+    for effect in fitted["model_effects"]:
+        own = next(e for e in truth["effects"] if (e["kind"], e["site"]) == (effect["kind"], effect["site"]))
+        for key, found in effect["parameters"].items():
+            if not isinstance(found["value"], list):
+                rows.append({"name": f"{effect['kind']}@{effect['site']}.{key}", "rig": own[key], **found})
+    return rows
+
+
+def control() -> dict:
+    """Figures 8 to 10: the tracking experiment on the fitted model and on the virtual rig, same controllers."""
+    controller = jbridge.Controller(jbridge.paper_controller())
+    path = jbridge.paper_path(controller.period)
+    model = jbridge.load_model(OUT / "fitted" / "model.toml")
+    tracking = jbridge.track(model, controller, path)
+    table = play(sampled(controller, path), float(path.times[-1]), 11, x=float(path.x[0]), l=float(path.l[0]))
+    every = round(controller.period / 0.005)
+    rig = {name: values[::every][: len(path.times)] for name, values in table.items()}
+    simulated = {"t": path.times, **tracking.measured, **tracking.command}
+    moves = {
+        name: [
+            dataclasses.asdict(m)
+            for m in jbridge.moves(
+                path.times,
+                np.stack([path.x, path.l], 1),
+                np.stack([run[k] for k in ("x", "psi", "l")], 1),
+                np.stack([run["u_x"], run["u_l"]], 1),
+            )
+        ]
+        for name, run in (("model", simulated), ("rig", rig))
+    }
+    rms = {axis: float(np.sqrt(np.mean((simulated[axis] - rig[axis]) ** 2))) for axis in ("x", "psi", "l")}
+    return {
+        "tracking": {
+            "reference": {"t": path.times.tolist(), "x": path.x.tolist(), "l": path.l.tolist()},
+            "model": listed(simulated), "rig": listed(rig), "moves": moves, "rms": rms,
+        }
+    }  # fmt: skip
+
+
+def listed(run: dict) -> dict[str, list[float]]:
+    return {name: np.asarray(values).tolist() for name, values in run.items()}
+
+
+def sampled(controller: "jbridge.Controller", path: "jbridge.Path"):
+    """The controller as the rig's computer runs it: asked every 20 ms, its voltages held in between."""
+    law, period = controller.law, controller.period
+    ask = jax.jit(law.command)
+    memory: dict = {"state": None, "next": 0, "volts": (0.0, 0.0)}
+
+    def voltages(t: float, reading: dict[str, float]) -> tuple[float, float]:
+        if t >= memory["next"] * period - 1e-9:
+            k = min(memory["next"], len(path.times) - 1)
+            measured = jbridge.Axes(*(jnp.asarray(reading[name]) for name in ("x", "psi", "l")))
+            if memory["state"] is None:
+                memory["state"] = law.start(measured)
+            wanted = jbridge.Reference(*(jnp.asarray(values[k]) for values in path[1:]))
+            volts, memory["state"] = ask(memory["state"], measured, wanted, period)
+            memory["volts"] = (float(volts[0]), float(volts[1]))
+            memory["next"] += 1
+        return memory["volts"]
+
+    return voltages
+
+
+def diagnose() -> dict:
+    """The same tests, given to `diagnose` with a viscous model: what does it say is missing?"""
+    model = jbridge.load_model(HERE / "viscous.toml")
+    recordings = jbridge.load_recordings(sorted((OUT / "recordings").glob("*.csv")))
+    result = jbridge.diagnose(model, recordings, [jbridge.load_recording(OUT / "steps.csv")])
+    jbridge.save_report(OUT / "diagnosis", result)
+    print(jbridge.describe_diagnosis(result, OUT / "diagnosis"))
+    return {
+        "diagnosis": {
+            "verdict": result.verdict,
+            "effects": [[e.kind, e.site] for e in result.effects],
+            "seconds": result.seconds,
+        }
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=STAGES, action="append", help="these stages, of what is there already")
+    chosen = parser.parse_args().only or [stage for stage in STAGES if stage != "diagnose"]
+    jbridge.set_up()
+    saved = json.loads(DATA.read_text()) if DATA.exists() else {}
+    for stage in chosen:
+        print(f"-- {stage}", flush=True)
+        saved |= globals()[stage]() or {}
+    DATA.parent.mkdir(parents=True, exist_ok=True)
+    DATA.write_text(json.dumps(saved, indent=None) + "\n")
+
+
+if __name__ == "__main__":
+    main()
