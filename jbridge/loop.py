@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._types import Axes, Scalar
+from .collect import AbstractCollector, Everything
 from .control.base import AbstractController, Reference
 from .inputs import Lane
 from .model.effects.drives import InputDelay
@@ -29,6 +30,13 @@ class Response(NamedTuple):
     """What the encoders read [m, rad, m]."""
     command: Float[Array, "time 2"]
     """Voltages of cart and hoist [V], held until the next sample."""
+    times: Float[Array, " time"]
+    """[s]"""
+    reference: Reference
+    """What was wanted."""
+
+
+_EVERYTHING = Everything()
 
 
 class _Carry(NamedTuple):
@@ -57,7 +65,9 @@ def closed_loop(
     memory: int = 0,
     active: Axes | None = None,
     method: Method = RK4,
-) -> Response:
+    collect: AbstractCollector = _EVERYTHING,
+    keep: bool = True,
+) -> Any:
     """Lets a controller move a plant along a reference.
 
     Args:
@@ -70,6 +80,8 @@ def closed_loop(
         memory: periods that the plant's delays reach back (`periods_remembered`); 0 without delays.
         active: 1 for an axis that moves; by default all do.
         method: the Runge-Kutta method.
+        collect: what to keep; a `Response` of all samples by default.
+        keep: whether reverse-mode differentiation keeps every step in memory; if not, it computes each period anew.
 
     Raises:
         ValueError: the plant has a delay, but nothing is to be remembered.
@@ -105,9 +117,8 @@ def closed_loop(
         later = jax.tree.map(
             lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), carry.trail, (motions.q, motions.v)
         )
-        response = Response(carry.motions.q, carry.motions.v, measured, command)
+        response = Response(carry.motions.q, carry.motions.v, measured, command, t, wanted)
         return _Carry(motions, state, inputs[1:] if memory else carry.past, later), response
 
     count = reference.x.shape[0]
-    _, response = jax.lax.scan(tick, begin, (jnp.arange(count), reference))
-    return response
+    return collect.run(tick if keep else jax.checkpoint(tick), begin, (jnp.arange(count), reference))

@@ -3,8 +3,13 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
+
+_FASTEST = 1.875
+"""Largest speed of the polynomial of degree 5, over its mean."""
 
 
 class Path(NamedTuple):
@@ -22,17 +27,42 @@ class Path(NamedTuple):
     """Speed of the rope's length [m/s]."""
 
 
-def smooth_path(
-    points: Sequence[tuple[float, float]],
-    *,
-    speed: tuple[float, float],
-    rest: float,
-    period: float,
-) -> Path:
-    """From point to point with bounded speed, at rest in between.
+def durations(points: Float[Array, "point 2"], speed: Float[Array, " 2"]) -> Float[Array, " leg"]:
+    """Time that each leg between points [m] takes at the largest speeds of cart and rope [m/s]."""
+    return _FASTEST * jnp.max(jnp.abs(jnp.diff(points, axis=0)) / speed, axis=1)
+
+
+def along(
+    points: Float[Array, "point 2"], speed: Float[Array, " 2"], rest: Float[Array, ""], times: Float[Array, " time"]
+) -> tuple[Float[Array, "time 2"], Float[Array, "time 2"]]:
+    """Where a smooth path from point to point is at some times, and how fast; every number may be traced.
 
     Each leg is the polynomial of degree 5 whose speed and acceleration vanish at both ends (Flash and Hogan 1985);
-    cart and rope start and arrive together, as fast as the slower of the two may.
+    cart and rope start and arrive together, as fast as the slower of the two may, and rest after each leg.
+
+    Args:
+        points: cart position and rope length [m], the first one where the path begins.
+        speed: largest speeds of cart and rope [m/s].
+        rest: time at rest after each leg [s].
+        times: [s].
+    """
+    spans = durations(points, speed)
+    place = jnp.broadcast_to(points[0], (times.shape[0], 2))
+    rate = jnp.zeros_like(place)
+    begin = jnp.zeros_like(rest)
+    for leg in range(points.shape[0] - 1):
+        way, span = points[leg + 1] - points[leg], jnp.where(spans[leg] > 0, spans[leg], 1.0)
+        s = jnp.clip((times - begin) / span, 0.0, 1.0)[:, None]
+        place = place + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        rate = rate + way * 30.0 * s**2 * (1.0 - s) ** 2 / span
+        begin = begin + spans[leg] + rest
+    return place, rate
+
+
+def smooth_path(
+    points: Sequence[tuple[float, float]], *, speed: tuple[float, float], rest: float, period: float
+) -> Path:
+    """From point to point with bounded speed, at rest after each: `along`, sampled until the last rest is over.
 
     Args:
         points: cart position and rope length [m], the first one where the path begins.
@@ -47,18 +77,8 @@ def smooth_path(
         raise ValueError("a path needs at least two points")
     if min(*speed, period) <= 0 or rest < 0:
         raise ValueError("speeds and period must be positive, and the rest not negative")
-    places, rates = [np.array([points[0]], float)], [np.zeros((1, 2))]
-    for begin, end in zip(points, points[1:], strict=False):
-        start, way = np.array(begin, float), np.subtract(end, begin)
-        # The polynomial's largest speed is 15/8 of the mean.
-        duration = float(np.max(1.875 * np.abs(way) / np.array(speed)))
-        count, pause = int(np.ceil(duration / period)), int(round(rest / period))
-        if count:
-            s = np.arange(1, count + 1)[:, None] / count
-            places.append(start + way * s**3 * (10 - 15 * s + 6 * s**2))
-            rates.append(way * 30 * s**2 * (1 - s) ** 2 / (count * period))
-        places.append(np.repeat([np.array(end, float)], pause, axis=0))
-        rates.append(np.zeros((pause, 2)))
-    place, rate = np.concatenate(places), np.concatenate(rates)
-    times = np.arange(len(place), dtype=np.float64) * period
-    return Path(times, place[:, 0], place[:, 1], rate[:, 0], rate[:, 1])
+    places, limits = np.array(points, float), np.array(speed, float)
+    total = float(np.sum(np.asarray(durations(jnp.asarray(places), jnp.asarray(limits)))) + rest * (len(points) - 1))
+    times = np.arange(int(np.ceil(total / period - 1e-9)) + 1, dtype=np.float64) * period
+    place, rate = along(jnp.asarray(places), jnp.asarray(limits), jnp.asarray(float(rest)), jnp.asarray(times))
+    return Path(times, *np.asarray(place).T, *np.asarray(rate).T)

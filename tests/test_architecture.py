@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"_math", "_parameters", "_types", "errors"},
-    {"_toml", "signals", "recordings"},
+    {"_toml", "collect", "signals", "recordings"},
     {"model", "fuzzy"},
     {"control", "inputs"},
     {"rollout"},

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge._types import Axes
+from jbridge.collect import AbstractSummary, Every
 from jbridge.control.base import AbstractController, Reference
 from jbridge.loop import closed_loop, periods_remembered
 from jbridge.rollout import RK4
@@ -61,6 +62,19 @@ class Proportional(AbstractController):
     def command(self, state, measured, reference, period):
         x, l = reference.x - measured.x, reference.l - measured.l
         return jnp.stack([self.gain * x, self.gain * l + self.hold]), None
+
+
+class Largest(AbstractSummary):
+    """The largest swing, and how many samples there were."""
+
+    def start(self, sample):
+        return jnp.zeros(sample.q.psi.shape), jnp.asarray(0)
+
+    def update(self, numbers, sample):
+        return jnp.maximum(numbers[0], jnp.abs(sample.q.psi)), numbers[1] + 1
+
+    def finish(self, numbers):
+        return numbers
 
 
 play = eqx.filter_jit(closed_loop)
@@ -145,3 +159,27 @@ def test_the_gradient_of_a_closed_loop_agrees_with_differences():
     found, step = float(jax.jit(jax.grad(cost))(8.0)), 1e-4
     wanted = float(value(8.0 + step) - value(8.0 - step)) / (2 * step)
     assert found == pytest.approx(wanted, rel=1e-6)
+
+
+def test_what_is_kept_is_the_callers_choice():
+    """Every fifth sample is a part of all of them, and a summary sees each of them once."""
+    plant, law, reference = make_plant(), Proportional(8.0, -0.468), resting(53, x=0.6)
+    args = (plant, law, make_state(psi=0.05), reference)
+    every = play(*args, period=PERIOD, substeps=SUBSTEPS)
+    fifth = play(*args, period=PERIOD, substeps=SUBSTEPS, collect=Every(5))
+    np.testing.assert_array_equal(fifth.q.x, every.q.x[:50:5])
+    largest, count = play(*args, period=PERIOD, substeps=SUBSTEPS, collect=Largest())
+    assert float(largest) == float(jnp.max(jnp.abs(every.q.psi))) and int(count) == 53
+
+
+def test_forgetting_on_the_way_changes_no_gradient():
+    plant, reference = make_plant(), resting(40, x=0.5)
+
+    def cost(gain, keep):
+        response = closed_loop(
+            plant, Proportional(gain, -0.468), make_state(), reference, period=PERIOD, substeps=SUBSTEPS, keep=keep
+        )
+        return jnp.mean((response.q.x - reference.x) ** 2)
+
+    kept, forgotten = (float(jax.jit(jax.grad(lambda g: cost(g, keep)))(8.0)) for keep in (True, False))  # noqa: B023
+    assert kept == pytest.approx(forgotten, rel=1e-12)

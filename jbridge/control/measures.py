@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 NEAR = 0.01
 """Distance within which a position counts as reached [m]."""
-_REST = 1e-9
+_REST = 1e-7
 
 
 @dataclasses.dataclass(frozen=True)
