@@ -46,6 +46,12 @@ if TYPE_CHECKING:
     from jbridge.report.tracking import save_tracking as save_tracking
     from jbridge.signals import Path as Path
     from jbridge.signals import smooth_path as smooth_path
+    from jbridge.sweep.processes import join as join
+    from jbridge.sweep.run import SweepResult as SweepResult
+    from jbridge.sweep.run import read_sweep as read_sweep
+    from jbridge.sweep.run import run_sweep as run_sweep
+    from jbridge.sweep.spec import Sweep as Sweep
+    from jbridge.sweep.spec import load_sweep as load_sweep
     from jbridge.tracking import Tracking as Tracking
     from jbridge.tracking import track as track
 
@@ -66,6 +72,8 @@ _HOMES = {
     "Plant": "model.plant",
     "Recording": "recordings",
     "Reference": "control.base",
+    "Sweep": "sweep.spec",
+    "SweepResult": "sweep.run",
     "Tracking": "tracking",
     "check_output": "report.files",
     "describe_diagnosis": "report.terminal",
@@ -74,15 +82,19 @@ _HOMES = {
     "diagnose": "diagnosis.diagnose",
     "fit": "identify.fit",
     "idle_parts": "fuzzy.check",
+    "join": "sweep.processes",
     "load_controller": "control.files",
     "load_fis": "fuzzy.fis",
     "load_model": "model.files",
     "load_recording": "recordings",
     "load_recordings": "recordings",
     "load_reference": "control.references",
+    "load_sweep": "sweep.spec",
     "moves": "control.measures",
     "paper_controller": "control.paper",
     "paper_path": "control.references",
+    "read_sweep": "sweep.run",
+    "run_sweep": "sweep.run",
     "save_controller": "control.files",
     "save_csv": "recordings",
     "save_fis": "fuzzy.fis",
@@ -111,6 +123,8 @@ __all__ = [
     "Plant",
     "Recording",
     "Reference",
+    "Sweep",
+    "SweepResult",
     "Tracking",
     "check_output",
     "describe_diagnosis",
@@ -119,15 +133,19 @@ __all__ = [
     "diagnose",
     "fit",
     "idle_parts",
+    "join",
     "load_controller",
     "load_fis",
     "load_model",
     "load_recording",
     "load_recordings",
     "load_reference",
+    "load_sweep",
     "moves",
     "paper_controller",
     "paper_path",
+    "read_sweep",
+    "run_sweep",
     "save_controller",
     "save_csv",
     "save_fis",

@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose, control.
+"""The command `jbridge`: simulate, fit, diagnose, control, sweep.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -53,6 +53,14 @@ Without --controller the paper's two fuzzy controllers are used, without
 --reference the paper's moves. DIR receives control.html (to look at),
 control.json (the same in numbers), run.csv (the run as a recording), the
 figures, and controller.toml (the controller, to change and use again).
+"""
+_SWEEP = """\
+Runs a controller on many bridges: every point of a grid or of a sample of
+parameters of model, controller and reference.
+
+DIR receives part-*.parquet (a row for each rollout: its parameters and how the
+move went), sweep.json (units, versions, seed, what was asked) and failures.csv.
+A sweep that was interrupted goes on where it stopped when it is called again.
 """
 
 
@@ -142,6 +150,21 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
     print(jbridge.describe_tracking(tracking, arguments.out), end="")
 
 
+def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    question_folder = Path(arguments.out)
+    if question_folder.exists() and not question_folder.is_dir():
+        raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    jbridge.join(arguments.coordinator, arguments.processes, arguments.process)
+    question = jbridge.load_sweep(arguments.spec)
+    result = jbridge.run_sweep(question, arguments.out, progress=progress)
+    progress.clear()
+    done = f"{result.count:,} rollouts, {result.failed:,} failed, in {result.seconds:.1f} s"
+    kept = result.count - result.computed
+    print(f"{result.folder}: {done}{f' ({kept:,} were there already)' if kept else ''}")
+
+
 def _load(
     arguments: argparse.Namespace, progress: "_Progress"
 ) -> tuple["jbridge.Model", tuple["jbridge.Recording", ...], tuple["jbridge.Recording", ...]]:
@@ -224,7 +247,14 @@ def _parser() -> _Parser:
     control.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller; the paper's by default")
     control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
     control.add_argument("--out", metavar="DIR", required=True, help=_OUT)
-    for command in (simulate, fit, diagnose, control):
+    sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
+    sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
+    sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
+    sweep.add_argument("--out", metavar="DIR", required=True, help="folder for the results; those that it has are kept")
+    sweep.add_argument("--coordinator", metavar="HOST:PORT", help="of a sweep by several processes; `auto` under Slurm")
+    sweep.add_argument("--processes", type=int, metavar="N", help="how many there are")
+    sweep.add_argument("--process", type=int, metavar="I", help="which of them this is, from 0")
+    for command in (simulate, fit, diagnose, control, sweep):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
         )

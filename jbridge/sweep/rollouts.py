@@ -1,0 +1,130 @@
+"""One compiled program for all rollouts of a sweep: from rows of parameters to rows of summaries."""
+
+import contextlib
+import math
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..control.base import AbstractController, Reference
+from ..control.fuzzy import FuzzyController
+from ..loop import closed_loop, periods_remembered
+from ..model.parameters import ParameterTable
+from ..signals import along, durations
+from .spec import Sweep
+from .summaries import MoveSummary, is_sound, names
+
+_STEP = 0.005
+"""Longest integration step [s]; with a hidden coordinate half of it."""
+_LATE = 0.75
+"""Share of the rest after which the swing counts as residual."""
+
+
+class Rollouts:
+    """The rollouts of a sweep, ready to run in chunks."""
+
+    def __init__(self, sweep: Sweep):
+        self.sweep = sweep
+        self.names = (*names(), "sound")
+        devices = jax.local_devices()
+        self._sharding = NamedSharding(Mesh(np.array(devices), ("rollout",)), PartitionSpec("rollout"))
+        # Every device takes the same number of lanes; what is too much repeats the last one.
+        self._lanes = len(devices) * math.ceil(sweep.chunk / len(devices))
+        with self._precision():
+            self._run = jax.jit(jax.vmap(_one(sweep)))
+
+    def __call__(self, rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+        """Summaries of some rollouts, by name.
+
+        Args:
+            rows: parameter values in the order of the sweep's axes, `(rollout, axis)`; at most a chunk.
+        """
+        take = np.minimum(np.arange(self._lanes), len(rows) - 1)
+        with self._precision():
+            given = jax.device_put(np.asarray(rows[take], self.sweep.precision), self._sharding)
+            found = jax.block_until_ready(self._run(given))
+        return {name: np.asarray(found[name])[: len(rows)] for name in self.names}
+
+    def _precision(self) -> contextlib.AbstractContextManager[Any]:
+        return jax.enable_x64(self.sweep.precision == "float64")
+
+
+def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
+    """One rollout, from its parameter values."""
+    plant, controller = sweep.model.plant, sweep.controller
+    table = ParameterTable(plant)
+    base = np.asarray(table.ravel(plant), sweep.precision)
+    at = {axis.name: number for number, axis in enumerate(sweep.design.axes)}
+    known = set(table.names())
+    places = {name: table.positions(name) for name in at if name in known}
+    period = controller.period
+    count = math.ceil(sweep.seconds / period) + 1
+    substeps = max(1, math.ceil(period / (_STEP / (2 if plant.mechanisms else 1)) - 1e-6))
+    memory = _memory(sweep, table, base, places)
+    law = jax.tree.map(lambda leaf: np.asarray(leaf, sweep.precision), controller.law)
+
+    def one(row: Float[Array, " axis"]) -> dict[str, Array]:
+        dtype = row.dtype
+
+        def chosen(name: str, default: float) -> Array:
+            return row[at[name]] if name in at else jnp.asarray(default, dtype)
+
+        vector = jnp.asarray(base)
+        for name, where in places.items():
+            vector = vector.at[np.asarray(where)].set(row[at[name]])
+        start = jnp.asarray(sweep.start, dtype)
+        goal = jnp.stack([chosen("reference.x", sweep.goal[0]), chosen("reference.l", sweep.goal[1])])
+        speed = jnp.stack([chosen("reference.speed_x", sweep.speed[0]), chosen("reference.speed_l", sweep.speed[1])])
+        points = jnp.stack([start, goal])
+        times = jnp.arange(count, dtype=dtype) * period
+        rest = chosen("reference.rest", sweep.rest)
+        place, rate = along(points, speed, rest, times)
+        arrival = durations(points, speed)[0]
+        end = times[-1]
+        summary = MoveSummary(goal, goal - start, arrival + _LATE * (end - arrival), jnp.asarray(period, dtype))
+        initial = jnp.zeros(6 + 2 * len(plant.mechanisms), dtype).at[0].set(start[0]).at[2].set(start[1])
+        found = closed_loop(
+            table.unravel(vector),
+            _with_controller(law, chosen, at),
+            initial,
+            Reference(place[:, 0], place[:, 1], rate[:, 0], rate[:, 1]),
+            period=period,
+            substeps=substeps,
+            memory=memory,
+            collect=summary,
+        )
+        return found | {"sound": is_sound(found)}
+
+    return one
+
+
+def _with_controller(
+    law: AbstractController, chosen: Callable[[str, float], Array], at: dict[str, int]
+) -> AbstractController:
+    if not isinstance(law, FuzzyController):
+        return law
+    fields = {
+        "controller.cart_scale": lambda c: c.cart_scale,
+        "controller.hoist_scale": lambda c: c.hoist_scale,
+        "controller.filter": lambda c: c.differences.time_constant,
+    }
+    for name, where in fields.items():
+        if name in at:
+            law = eqx.tree_at(where, law, chosen(name, 0.0))
+    return law
+
+
+def _memory(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:
+    """Periods that the longest delay of any rollout reaches back."""
+    longest = np.array(base, dtype=float)
+    for axis in sweep.design.axes:
+        if axis.name in places and ".delay" in axis.name:
+            longest[places[axis.name]] = axis.high
+    return periods_remembered(table.unravel(jnp.asarray(longest)), sweep.controller.period)

@@ -1,0 +1,234 @@
+"""Runs a sweep chunk by chunk into a folder that any interruption leaves whole.
+
+Results are Parquet files, one a chunk: a table is what summaries of rollouts are, every language reads it, a chunk is
+written in one go, and units and specification travel in its metadata. (Zarr is made for dense arrays, which a random
+sample of parameters is not.) A chunk is complete or absent, and the same whenever it is computed, so that a sweep
+which was killed goes on where it stopped and ends with the same bits.
+"""
+
+import csv
+import dataclasses
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..model.parameters import ParameterTable
+from .rollouts import Rollouts
+from .spec import Sweep
+from .summaries import UNITS
+
+_LISTED = 10_000
+"""Most failures that are listed one by one; all are counted, and marked in the results."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepResult:
+    """What a sweep left in its folder."""
+
+    folder: Path
+    count: int
+    """Rollouts."""
+    failed: int
+    """Rollouts that did not stay finite; they are in the results, marked, and in failures.csv."""
+    computed: int
+    """Rollouts of this call; the rest were there already."""
+    seconds: float
+
+
+def run_sweep(
+    question: Sweep, folder: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
+) -> SweepResult:
+    """Runs every rollout of a sweep that its folder does not hold yet.
+
+    Under `jax.distributed` every process computes and writes chunks of its own.
+
+    Args:
+        question: what to ask.
+        folder: where results go: `part-*.parquet`, sweep.json, failures.csv.
+        progress: told how far it is, how fast, and how long it still takes.
+
+    Raises:
+        InputError: the folder holds the results of another question, or cannot be written.
+    """
+    begun = time.perf_counter()
+    target = Path(folder)
+    tell = progress or (lambda text: None)
+    chunks = _chunks(question)
+    _claim(target, question)
+    mine = range(jax.process_index(), chunks, jax.process_count())
+    missing = [number for number in mine if not _part(target, number).exists()]
+    computed = 0
+    if missing:
+        tell("compiling")
+        rollouts = Rollouts(question)
+        start = time.perf_counter()
+        for rows in _each(lambda number: _compute(rollouts, question, target, number), missing):
+            computed += rows
+            left = sum(_size(question, number) for number in missing) - computed
+            rate = computed / max(time.perf_counter() - start, 1e-9)
+            tell(f"{computed:,} rollouts, {rate:,.0f} a second, {_duration(left / rate)} left")
+    _meet()
+    failed = 0
+    if jax.process_index() == 0:
+        failed = _conclude(target, question, chunks)
+    return SweepResult(target, question.design.count, failed, computed, time.perf_counter() - begun)
+
+
+def read_sweep(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """The results of a sweep, a column for each parameter and summary, in the order of the points.
+
+    Raises:
+        InputError: there are none.
+    """
+    parts = sorted(Path(folder).glob("part-*.parquet"))
+    if not parts:
+        raise InputError(f"{folder}: holds no results of a sweep; run jbridge sweep SPEC.toml --out {folder}")
+    whole = pa.concat_tables([pq.read_table(part) for part in parts])
+    return {name: whole.column(name).to_numpy() for name in whole.column_names}
+
+
+def _chunks(question: Sweep) -> int:
+    return -(-question.design.count // question.chunk)
+
+
+def _size(question: Sweep, number: int) -> int:
+    return min(question.chunk, question.design.count - number * question.chunk)
+
+
+def _part(folder: Path, number: int) -> Path:
+    return folder / f"part-{number:06d}.parquet"
+
+
+def _claim(folder: Path, question: Sweep) -> None:
+    """Makes the folder this sweep's, or finds that it is."""
+    mark = folder / "question.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if mark.exists():
+            found = json.loads(mark.read_text(encoding="utf-8")).get("identity")
+            if found != question.identity:
+                raise InputError(
+                    f"{folder}: holds the results of another sweep; choose another --out, or delete this folder"
+                )
+            return
+        if any(folder.glob("part-*.parquet")):
+            raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
+        _replace(mark, json.dumps(_about(question), indent=1) + "\n")
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
+
+
+def _about(question: Sweep) -> dict[str, Any]:
+    """What is written beside every result: how to get it again, and what it means."""
+    packages = ("jbridge", "jax", "jaxlib", "numpy", "scipy")
+    return {
+        "identity": question.identity,
+        "specification": question.text,
+        "seed": question.design.seed,
+        "count": question.design.count,
+        "chunk": question.chunk,
+        "precision": question.precision,
+        "units": _units(question),
+        "versions": {name: version(name) for name in packages} | {"python": platform.python_version()},
+        "device": jax.devices()[0].device_kind,
+    }
+
+
+def _units(question: Sweep) -> dict[str, str]:
+    table = ParameterTable(question.model.plant)
+    own = {"controller.cart_scale": "m", "controller.hoist_scale": "m", "controller.filter": "s", "reference.x": "m"}
+    own |= {"reference.l": "m", "reference.speed_x": "m/s", "reference.speed_l": "m/s", "reference.rest": "s"}
+    found = {}
+    for axis in question.design.axes:
+        known = own.get(axis.name)
+        found[axis.name] = table.entry(table.positions(axis.name)[0]).unit if known is None else known
+    return found | UNITS
+
+
+def _compute(rollouts: Rollouts, question: Sweep, folder: Path, number: int) -> int:
+    start = number * question.chunk
+    rows = question.design.points(start, start + question.chunk)
+    found = rollouts(rows)
+    columns: dict[str, Any] = {"index": np.arange(start, start + len(rows))}
+    columns |= {axis.name: rows[:, k] for k, axis in enumerate(question.design.axes)}
+    table = pa.table(columns | found)
+    about = {"jbridge": json.dumps(_about(question))}
+    part = _part(folder, number)
+    partial = part.with_name(f".{part.name}.{os.getpid()}.part")
+    pq.write_table(table.replace_schema_metadata(about), partial)
+    os.replace(partial, part)
+    return len(rows)
+
+
+def _each(work: Callable[[int], int], numbers: list[int]) -> Iterator[int]:
+    """Results as they come; on processors, as many chunks at a time as there are cores."""
+    many = (os.cpu_count() or 1) if jax.devices()[0].platform == "cpu" else 1
+    yield work(numbers[0])  # alone: the others find its program compiled
+    with ThreadPoolExecutor(many) as pool:
+        waiting: set[Future[int]] = set()
+        left = iter(numbers[1:])
+        try:
+            while True:
+                # Never many more than run: an interruption must not wait for a long queue.
+                while len(waiting) < many and (number := next(left, None)) is not None:
+                    waiting.add(pool.submit(work, number))
+                if not waiting:
+                    return
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _meet() -> None:
+    """Waits until every process has come here."""
+    if jax.process_count() > 1:
+        from jax.experimental import multihost_utils
+
+        multihost_utils.sync_global_devices("sweep finished")
+
+
+def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
+    """Counts and lists the failures."""
+    failed = 0
+    names = ["index", *(axis.name for axis in question.design.axes)]
+    partial = folder / f".failures.csv.{os.getpid()}.part"
+    with open(partial, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for number in range(chunks):
+            table = pq.read_table(_part(folder, number), columns=[*names, "sound"])
+            bad = np.flatnonzero(~table.column("sound").to_numpy())
+            for row in bad[: max(_LISTED - failed, 0)]:
+                writer.writerow([table.column(name)[int(row)].as_py() for name in names])
+            failed += len(bad)
+    os.replace(partial, folder / "failures.csv")
+    _replace(folder / "sweep.json", json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
+    return failed
+
+
+def _replace(path: Path, text: str) -> None:
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    partial.write_text(text, encoding="utf-8")
+    os.replace(partial, path)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds + 0.5), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
