@@ -29,7 +29,7 @@ class Path(NamedTuple):
 
 def durations(points: Float[Array, "point 2"], speed: Float[Array, " 2"]) -> Float[Array, " leg"]:
     """Time that each leg between points [m] takes at the largest speeds of cart and rope [m/s]."""
-    return _FASTEST * jnp.max(jnp.abs(jnp.diff(points, axis=0)) / speed, axis=1)
+    return _FASTEST * jnp.max(jnp.abs(jnp.diff(points, axis=0)) / speed[None], axis=1)
 
 
 def along(
@@ -51,7 +51,7 @@ def along(
     rate = jnp.zeros_like(place)
     begin = jnp.zeros_like(rest)
     for leg in range(points.shape[0] - 1):
-        way, span = points[leg + 1] - points[leg], jnp.where(spans[leg] > 0, spans[leg], 1.0)
+        way, span = (points[leg + 1] - points[leg])[None], jnp.where(spans[leg] > 0, spans[leg], 1.0)
         s = jnp.clip((times - begin) / span, 0.0, 1.0)[:, None]
         place = place + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
         rate = rate + way * 30.0 * s**2 * (1.0 - s) ** 2 / span

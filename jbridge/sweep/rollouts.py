@@ -92,7 +92,7 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
         initial = jnp.zeros(6 + 2 * len(plant.mechanisms), dtype).at[0].set(start[0]).at[2].set(start[1])
         found = closed_loop(
             table.unravel(vector),
-            _with_controller(law, chosen, at),
+            _with_controller(jax.tree.map(jnp.asarray, law), chosen, at),
             initial,
             Reference(place[:, 0], place[:, 1], rate[:, 0], rate[:, 1]),
             period=period,

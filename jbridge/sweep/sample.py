@@ -1,6 +1,7 @@
 """Points of a sweep, any stretch of them without the ones before: so that a chunk can be computed anew, anywhere."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,10 @@ class Design:
             sequence = qmc.Sobol(len(self.axes), scramble=True, rng=np.random.default_rng(self.seed))
             if start:
                 sequence.fast_forward(start)
-            return sequence.random(stop - start)
+            with warnings.catch_warnings():
+                # A stretch need not be a power of two long; only the whole may want to be.
+                warnings.filterwarnings("ignore", message="The balance properties of Sobol")
+                return sequence.random(stop - start)
         columns = []
         for number in range(len(self.axes)):
             key = np.random.Generator(np.random.Philox(key=self.seed, counter=[0, 0, 0, number]))

@@ -1,0 +1,237 @@
+"""Sweeps: each rollout as one alone, interruptions that leave no trace, failures that are told, several processes."""
+
+import dataclasses
+import json
+import socket
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import jbridge
+from jbridge import InputError
+from jbridge.sweep.run import read_sweep, run_sweep
+from jbridge.sweep.spec import load_sweep
+from jbridge.sweep.summaries import UNITS
+
+MODEL = """
+[bridge]
+cart_mass = 5.5
+load_mass = 0.143
+cart_gain = 16.0
+hoist_gain = 3.0
+winch_mass = 0.1
+cart_damping = 45.0
+swing_damping = 0.0015
+hoist_damping = 25.0
+
+[[effect]]
+kind = "coulomb_friction"
+site = "cart"
+level = 4.0
+
+[[effect]]
+kind = "coulomb_friction"
+site = "hoist"
+level = 3.0
+
+[[effect]]
+kind = "input_delay"
+site = "cart_drive"
+delay = 0.01
+"""
+SPEC = """
+model = "model.toml"
+chunk = 8
+
+[reference]
+start = [0.0, 0.4]
+goal = [0.3, 0.5]
+rest = 2.0
+
+[sample]
+kind = "latin"
+count = 20
+seed = 5
+
+[[vary]]
+name = "coulomb_friction@cart.level"
+low = 1.0
+high = 5.0
+
+[[vary]]
+name = "input_delay@cart_drive.delay"
+low = 0.0
+high = 0.05
+
+[[vary]]
+name = "controller.cart_scale"
+low = 2.0
+high = 4.0
+"""
+
+
+@pytest.fixture
+def spec(tmp_path):
+    (tmp_path / "model.toml").write_text(MODEL)
+    (tmp_path / "spec.toml").write_text(SPEC)
+    return tmp_path / "spec.toml"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """One finished sweep that several tests look at."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "model.toml").write_text(MODEL)
+    (folder / "spec.toml").write_text(SPEC)
+    said = []
+    result = run_sweep(load_sweep(folder / "spec.toml"), folder / "out", progress=said.append)
+    return folder, result, said
+
+
+def test_every_rollout_is_as_it_would_be_alone(done):
+    """The same plant, controller and reference through `track`, measured by code of its own."""
+    folder, result, _ = done
+    assert (result.count, result.failed, result.computed) == (20, 0, 20)
+    table = read_sweep(folder / "out")
+    np.testing.assert_array_equal(table["index"], np.arange(20))
+    model = jbridge.load_model(folder / "model.toml")
+    for i in (0, 9, 19):
+        values = {name: table[name][i] for name in table}
+        plant = model.plant
+        level, delay = values["coulomb_friction@cart.level"], values["input_delay@cart_drive.delay"]
+        effects = (
+            dataclasses.replace(plant.effects[0], level=level),
+            plant.effects[1],
+            dataclasses.replace(plant.effects[2], delay=delay),
+        )
+        law = dataclasses.replace(jbridge.paper_controller(), cart_scale=values["controller.cart_scale"])
+        path = jbridge.smooth_path([(0.0, 0.4), (0.3, 0.5)], speed=(0.3, 0.2), rest=2.0, period=0.02)
+        other = dataclasses.replace(model, plant=jbridge.Plant(plant.bridge, effects))
+        tracking = jbridge.track(other, jbridge.Controller(law), path)
+        (move,) = tracking.moves
+        error = tracking.position["x"] - 0.3
+        assert values["final_error_x"] == pytest.approx(error[-1], abs=1e-9)
+        assert values["largest_swing"] == pytest.approx(np.abs(tracking.position["psi"]).max(), rel=1e-9)
+        assert values["itae_x"] == pytest.approx(0.02 * np.sum(path.times * np.abs(error)), rel=1e-9)
+        assert values["overshoot_x"] == pytest.approx(max(error.max(), 0.0), abs=1e-9)
+        # There the clock begins when the reference first moves, one sample later.
+        assert values["settling_x"] == pytest.approx(move.settling_time["x"], abs=0.021)
+
+
+def test_results_say_what_they_are(done):
+    folder, _, said = done
+    about = json.loads(pq.read_schema(folder / "out" / "part-000000.parquet").metadata[b"jbridge"])
+    assert about["specification"] == SPEC and about["seed"] == 5 and about["versions"]["jax"] == jax.__version__
+    assert about["units"]["coulomb_friction@cart.level"] == "N" and about["units"]["settling_x"] == "s"
+    assert set(UNITS) <= set(read_sweep(folder / "out"))
+    assert "rollouts" in said[-1] and "left" in said[-1]
+
+
+def test_an_interrupted_sweep_ends_with_the_same_bits(done, spec, tmp_path):
+    folder, _, _ = done
+    question, out = load_sweep(spec), tmp_path / "again"
+    calls = []
+
+    def interrupt(text):
+        calls.append(text)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(question, out, progress=interrupt)
+    finished = {path.name for path in out.glob("part-*.parquet")}
+    assert 0 < len(finished) < 3 and not (out / "sweep.json").exists()
+    (out / ".part-000002.parquet.123.part").write_bytes(b"half")
+    result = run_sweep(question, out)
+    assert result.computed == 20 - sum(8 if name != "part-000002.parquet" else 4 for name in finished)
+    one, two = read_sweep(folder / "out"), read_sweep(out)
+    for name, values in one.items():
+        np.testing.assert_array_equal(two[name], values)  # a place that never settles is NaN in both
+    assert run_sweep(question, out).computed == 0
+
+
+def test_another_question_does_not_mix_with_the_answers(done, spec):
+    folder, _, _ = done
+    spec.write_text(SPEC.replace("seed = 5", "seed = 6"))
+    with pytest.raises(InputError, match="results of another sweep; choose another --out"):
+        run_sweep(load_sweep(spec), folder / "out")
+
+
+def test_failures_are_counted_and_listed(spec, tmp_path):
+    """A hoist whose friction is negative damping runs away."""
+    spec.write_text(
+        SPEC.replace("coulomb_friction@cart.level", "hoist_damping").replace(
+            "low = 1.0\nhigh = 5.0", "low = -60.0\nhigh = 40.0"
+        )
+    )
+    result = run_sweep(load_sweep(spec), tmp_path / "out")
+    table = read_sweep(tmp_path / "out")
+    assert 0 < result.failed < 20 and result.failed == np.sum(~table["sound"])
+    lines = (tmp_path / "out" / "failures.csv").read_text().splitlines()
+    assert lines[0].startswith("index,hoist_damping") and len(lines) == 1 + result.failed
+    assert json.loads((tmp_path / "out" / "sweep.json").read_text())["failed"] == result.failed
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (("model.toml", "other.toml"), "other.toml: no such file"),
+        (('kind = "latin"', 'kind = "magic"'), "unknown kind 'magic'"),
+        (("count = 20", "count = 0.5"), "count = 0.5 is not a whole number"),
+        (("cart.level", "cart.height"), "nothing that can be varied; did you mean 'coulomb_friction@cart.level'"),
+        (("low = 1.0", "low = 9.0"), "low and high are not the ends of a range"),
+        (("low = 0.0", "log = true\nlow = 0.0"), "log = true needs a range of positive numbers"),
+        (("chunk = 8", "lump = 8"), "unknown key 'lump'; choose among"),
+        (("[0.3, 0.5]", "[0.3]"), r"goal = \[0.3\] is not a pair"),
+        (('kind = "latin"\ncount = 20', 'kind = "grid"'), "a grid needs values"),
+    ],
+)
+def test_what_is_wrong_with_a_specification_is_said(spec, change, complaint):
+    spec.write_text(SPEC.replace(*change))
+    with pytest.raises(InputError, match=complaint):
+        load_sweep(spec)
+
+
+def _command(spec, out, port, process):
+    code = "import sys; from jbridge.cli import main; sys.exit(main(sys.argv[1:]))"
+    where = ["--coordinator", f"127.0.0.1:{port}", "--processes", "2", "--process", str(process)]
+    return [sys.executable, "-c", code, "sweep", str(spec), "--out", str(out), *where]
+
+
+def _port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+@pytest.mark.slow
+def test_two_processes_give_what_one_gives(done, spec, tmp_path):
+    """Each writes chunks of its own."""
+    folder, _, _ = done
+    port, out = _port(), tmp_path / "both"
+    running = [subprocess.Popen(_command(spec, out, port, i), stderr=subprocess.PIPE, text=True) for i in range(2)]
+    said = [process.communicate(timeout=300)[1] for process in running]
+    assert [process.returncode for process in running] == [0, 0], said
+    one, two = read_sweep(folder / "out"), read_sweep(out)
+    for name, values in one.items():
+        np.testing.assert_allclose(two[name], values, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_is_told_and_the_sweep_resumes(spec, tmp_path):
+    """The survivor ends with an error; calling again computes what is missing."""
+    spec.write_text(SPEC.replace("count = 20", "count = 400"))
+    port, out = _port(), tmp_path / "out"
+    running = [subprocess.Popen(_command(spec, out, port, i), stderr=subprocess.PIPE, text=True) for i in range(2)]
+    while not list(out.glob("part-*.parquet")):
+        assert running[0].poll() is None and running[1].poll() is None
+    running[1].kill()
+    _, said = running[0].communicate(timeout=400)
+    assert running[0].returncode != 0 and said.strip()
+    before = len(list(out.glob("part-*.parquet")))
+    result = run_sweep(load_sweep(spec), out)
+    assert 0 < before < 50 and 0 < result.computed < 400 and len(read_sweep(out)["index"]) == 400
