@@ -227,3 +227,48 @@ def test_set_up_survives_a_cache_that_cannot_be_written(tmp_path):
         env={"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": ""},
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_control_moves_the_load(tmp_path, capsys):
+    """The paper's controllers and moves by default; what is written can be used again."""
+    model = tmp_path / "model.toml"
+    model.write_text(CONTROL_MODEL)
+    reference = tmp_path / "reference.toml"
+    reference.write_text("points = [[0.0, 0.3], [0.3, 0.4]]\nrest = 2.0\n")
+    out = tmp_path / "out"
+    assert main(["control", str(model), "--reference", str(reference), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "0.3, 0.4" in said and str(out / "control.html") in said
+    assert {p.name for p in out.iterdir()} == {"control.html", "control.json", "controller.toml", "run.csv", "figures"}
+    again = tmp_path / "again"
+    command = ["control", str(model), "--controller", str(out / "controller.toml"), "--reference", str(reference)]
+    assert main([*command, "--out", str(again)]) == 0
+    assert (again / "run.csv").read_text() == (out / "run.csv").read_text()
+    # The run is a recording that the other commands read.
+    assert main(["simulate", str(model), "--input", str(out / "run.csv"), "--out", str(tmp_path / "open.csv")]) == 0
+
+
+def test_a_cart_alone_cannot_be_controlled(tmp_path, capsys):
+    model = tmp_path / "model.toml"
+    model.write_text("[bridge]\ncart_mass = 5.5\ncart_gain = 16.0\n")
+    assert main(["control", str(model), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "no load_mass" in said and said.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+CONTROL_MODEL = """
+[bridge]
+cart_mass = 5.5
+load_mass = 0.143
+winch_mass = 0.1
+cart_damping = 45.0
+swing_damping = 0.0015
+hoist_damping = 25.0
+cart_gain = 16.0
+hoist_gain = 3.0
+
+[[effect]]
+kind = "coulomb_friction"
+site = "cart"
+level = 4.0
+"""

@@ -1,0 +1,120 @@
+"""Controllers and references from files: what is written is read back, and what is wrong is said in one line."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+from jbridge import InputError
+from jbridge.control.files import Controller, load_controller, save_controller
+from jbridge.control.paper import cart_system, hoist_system, paper_controller
+from jbridge.control.references import load_reference, paper_path
+from jbridge.fuzzy.fis import load_fis, save_fis
+
+
+@pytest.fixture
+def written(tmp_path):
+    path = tmp_path / "fuzzy.toml"
+    save_controller(path, Controller(paper_controller(), 0.02))
+    return path
+
+
+def test_a_controller_comes_back_as_it_was(written):
+    found = load_controller(written)
+    assert eqx.tree_equal(found.law, paper_controller()) and found.period == 0.02
+
+
+def test_fuzzy_systems_may_lie_in_files_of_their_own(tmp_path):
+    """As MATLAB writes them; scales and period stay in the TOML."""
+    save_fis(tmp_path / "a.fis", cart_system())
+    save_fis(tmp_path / "b.fis", hoist_system())
+    path = tmp_path / "fuzzy.toml"
+    path.write_text('kind = "fuzzy"\ncart = "a.fis"\nhoist = "b.fis"\ncart_scale = 3.0\nhoist_scale = 3.0\n')
+    assert eqx.tree_equal(load_controller(path).law, paper_controller())
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (('kind = "fuzzy"', 'kind = "magic"'), "unknown kind 'magic'"),
+        (("period = 0.02", "period = 0"), "period = 0 is not a positive number"),
+        (("cart_scale", "cart_scales"), "unknown key 'cart_scales'; did you mean 'cart_scale'"),
+        (('aggregation = "max"', 'aggregation = "mean"'), "unknown aggregation 'mean'"),
+        (("points = 101", "points = 1"), "points = 1 is not a number of points"),
+        (("if error is NB then voltage is NB", "if error is NB then voltage"), r"\[cart\]: rules\[0\]: .*expected"),
+        (("if error is ZE", "if mistake is ZE"), "'mistake' is none of error, velocity, angle"),
+        (
+            ("trapmf = [-1.0, -1.0, -0.08, -0.004]", "trapmf = [-1.0, -1.0, -0.08]"),
+            "has 3 numbers; it needs left",
+        ),
+        (("trimf = [-0.08, -0.004, 0.0]", "trimf = [0.0, -0.004, -0.08]"), "corners of NS do not ascend"),
+        (("trimf = [-0.08, -0.004, 0.0]", "tri = [-0.08, -0.004, 0.0]"), "unknown set of NS 'tri'"),
+        (("range = [-3.0, 3.0]", "range = [3.0, -3.0]"), "range does not go from a lower to a higher end"),
+        (("weights = [1.0, ", "weights = ["), "does not give one number for each of the 9 rules"),
+    ],
+)
+def test_what_is_wrong_with_a_controller_is_said(written, change, complaint):
+    text = written.read_text()
+    assert change[0] in text
+    written.write_text(text.replace(*change, 1))
+    with pytest.raises(InputError, match=complaint) as found:
+        load_controller(written)
+    assert str(written) in str(found.value) and "\n" not in str(found.value)
+
+
+FIS_ERRORS = [
+    (("Type='mamdani'", "Type='magic'"), "line 3: type 'magic' is not supported"),
+    (("Range=[-3.0 3.0]", "Range=[3.0 -3.0]"), "a range has a lower and a higher end"),
+    (("'trimf',[", "'zmf',["), "is a 'zmf'; jbridge knows trimf"),
+    (("NumMFs=5", "NumMFs=6"), "has no mf6; add it"),
+    (("1 0 0, 1 (1.0) : 1", "9 0 0, 1 (1.0) : 1"), "error has no set 9; it has 5"),
+    (("1 0 0, 1 (1.0) : 1", "1 0, 1 (1.0) : 1"), "2 set numbers for 3 variables"),
+    (("1 0 0, 1 (1.0) : 1", "1 0 0, 1 (1.5) : 1"), "a weight lies between 0 and 1"),
+    (("[Rules]", "Rules]"), "is neither a"),
+    (("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
+]
+
+
+@pytest.mark.parametrize(("change", "complaint"), FIS_ERRORS)
+def test_what_is_wrong_with_a_fis_file_is_said(tmp_path, change, complaint):
+    path = tmp_path / "cart.fis"
+    save_fis(path, cart_system())
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change, 1))
+    with pytest.raises(InputError, match=complaint):
+        load_fis(path)
+
+
+def test_fis_files_come_back_as_they_were(tmp_path):
+    for system in (cart_system(), hoist_system()):
+        save_fis(tmp_path / "s.fis", system)
+        assert eqx.tree_equal(load_fis(tmp_path / "s.fis"), system)
+
+
+def test_the_papers_reference():
+    """From T_z by T_1 to T_2, smooth, within its speeds, at rest at both goals."""
+    path = paper_path(0.02)
+    np.testing.assert_allclose([path.x[0], path.l[0]], [0.0, 0.185])
+    np.testing.assert_allclose([path.x[-1], path.l[-1]], [0.5, 0.3], atol=1e-12)
+    assert np.isclose(path.x, 1.2).sum() * 0.02 >= 4.0 and np.isclose(path.l, 0.6).sum() * 0.02 >= 4.0
+    assert np.abs(path.v_x).max() <= 0.3 + 1e-12 and np.abs(path.v_l).max() <= 0.2
+    np.testing.assert_allclose(np.gradient(path.x, path.times)[5:-5], path.v_x[5:-5], atol=2e-3)
+    assert np.abs(np.diff(path.v_x)).max() < 0.02 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("points = [[0.0, 0.3]]", "add at least two"),
+        ("points = [[0.0, 0.3], [1.0]]", r"points\[1\] = \[1.0\] is not a pair"),
+        ("points = [[0.0, 0.3], [1.0, -0.2]]", "rope length -0.2; it must be positive"),
+        ("points = [[0.0, 0.3], [1.0, 0.2]]\nspeed = [0.0, 1.0]", "is not positive"),
+        ("points = [[0.0, 0.3], [1.0, 0.2]]\nrest = -1", "rest = -1 is not a time"),
+        ("point = [[0.0, 0.3], [1.0, 0.2]]", "unknown key 'point'; did you mean 'points'"),
+    ],
+)
+def test_what_is_wrong_with_a_reference_is_said(tmp_path, text, complaint):
+    path = tmp_path / "reference.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=complaint):
+        load_reference(path, 0.02)

@@ -1,0 +1,44 @@
+"""Measures of a move, on motions whose measures are known."""
+
+import numpy as np
+import pytest
+
+from jbridge.control.measures import moves
+
+T = np.arange(0.0, 20.0, 0.02)
+
+
+def run(x, psi=0.0, u=0.0):
+    """One leg of x from 0 to 1 in 2 s and back after 10 s, l at 0.5."""
+    wanted = np.interp(T, [0, 0.5, 2.5, 10.0, 12.0, 20.0], [0, 0, 1, 1, 0, 0])
+    reference = np.stack([wanted, np.full_like(T, 0.5)], axis=1)
+    position = np.stack([x(wanted), np.full_like(T, psi) if np.isscalar(psi) else psi, np.full_like(T, 0.5)], axis=1)
+    return moves(T, reference, position, np.stack([np.full_like(T, u), np.zeros_like(T)], axis=1))
+
+
+def test_legs_begin_and_end_with_the_reference():
+    first, second = run(lambda wanted: wanted)
+    assert first.start == pytest.approx(0.5, abs=0.03) and first.arrival == pytest.approx(2.5, abs=0.03)
+    assert second.start == pytest.approx(10.0, abs=0.03) and second.arrival == pytest.approx(12.0, abs=0.03)
+    assert first.settling_time["x"] == pytest.approx(1.99, abs=0.05) and first.settling_time["l"] == 0.0
+    assert first.overshoot == {"x": 0.0, "l": 0.0} and first.residual_swing == 0.0
+
+
+def test_a_position_that_stays_away_never_settles():
+    first, _ = run(lambda wanted: 0.95 * wanted, psi=0.1, u=2.0)
+    assert first.settling_time["x"] is None and first.steady_error["x"] == pytest.approx(-0.05)
+    assert first.residual_swing == pytest.approx(0.1) and first.effort["x"] == pytest.approx(4.0)
+    # The load hangs 0.5 m below, 5 cm ahead of the cart: there it is at the goal.
+    assert first.settling_time["load"] is not None
+
+
+def test_overshoot_is_a_share_of_the_way():
+    beyond = 0.04 * np.exp(-((T - 3.0) ** 2) / 0.1)
+    first, second = run(lambda wanted: wanted + beyond)
+    assert first.overshoot["x"] == pytest.approx(0.04, abs=2e-3) and second.overshoot["x"] == 0.0
+    assert 3.0 < first.start + first.settling_time["x"] < 3.6
+
+
+def test_itae_of_a_constant_error():
+    first, _ = run(lambda wanted: np.where(T < 10.0, 0.9, 0.0))
+    assert first.itae["x"] == pytest.approx(0.1 * 9.5**2 / 2, rel=0.01)
