@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from jbridge.recordings import load_recordings as load_recordings
     from jbridge.recordings import save_csv as save_csv
     from jbridge.report.files import check_output as check_output
+    from jbridge.report.paper import save_paper as save_paper
     from jbridge.report.save import save_fit as save_fit
     from jbridge.report.save import save_report as save_report
     from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
@@ -100,6 +101,7 @@ _HOMES = {
     "save_fis": "fuzzy.fis",
     "save_fit": "report.save",
     "save_model": "model.files",
+    "save_paper": "report.paper",
     "save_report": "report.save",
     "save_tracking": "report.tracking",
     "simulate": "prediction",
@@ -151,6 +153,7 @@ __all__ = [
     "save_fis",
     "save_fit",
     "save_model",
+    "save_paper",
     "save_report",
     "save_tracking",
     "set_up",

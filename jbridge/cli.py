@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose, control, sweep.
+"""The command `jbridge`: simulate, fit, diagnose, control, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -61,6 +61,13 @@ parameters of model, controller and reference.
 DIR receives part-*.parquet (a row for each rollout: its parameters and how the
 move went), sweep.json (units, versions, seed, what was asked) and failures.csv.
 A sweep that was interrupted goes on where it stopped when it is called again.
+"""
+_FIGURES = """\
+Redraws the figures and tables of the paper from saved data, each with the
+number of its counterpart: Figures 1, 4, 5, 6, 8, 9, 10, Tables 1 and 2.
+
+The data come from experiments/paper/run.py, which plays, estimates and
+controls the virtual rig.
 """
 
 
@@ -165,6 +172,16 @@ def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
     print(f"{result.folder}: {done}{f' ({kept:,} were there already)' if kept else ''}")
 
 
+def _figures(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    jbridge.check_output(arguments.out, folder=True, inputs=[arguments.data])
+    jbridge.set_up(arguments.cache)
+    progress("drawing")
+    files = jbridge.save_paper(arguments.out, arguments.data)
+    progress.clear()
+    for path in files:
+        print(path)
+
+
 def _load(
     arguments: argparse.Namespace, progress: "_Progress"
 ) -> tuple["jbridge.Model", tuple["jbridge.Recording", ...], tuple["jbridge.Recording", ...]]:
@@ -254,7 +271,13 @@ def _parser() -> _Parser:
     sweep.add_argument("--coordinator", metavar="HOST:PORT", help="of a sweep by several processes; `auto` under Slurm")
     sweep.add_argument("--processes", type=int, metavar="N", help="how many there are")
     sweep.add_argument("--process", type=int, metavar="I", help="which of them this is, from 0")
-    for command in (simulate, fit, diagnose, control, sweep):
+    figures = _command(commands, "figures", "the paper's figures and tables", _FIGURES, _figures)
+    figures.epilog = "example:\n  jbridge figures"
+    figures.add_argument(
+        "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"
+    )
+    figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
+    for command in (simulate, fit, diagnose, control, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
         )
