@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jbridge._types import Axes as Axes
+    from jbridge.collect import AbstractSummary as AbstractSummary
+    from jbridge.collect import Every as Every
+    from jbridge.collect import Everything as Everything
     from jbridge.control.base import Reference as Reference
     from jbridge.control.files import Controller as Controller
     from jbridge.control.files import load_controller as load_controller
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
     from jbridge.fuzzy.fis import save_fis as save_fis
     from jbridge.identify.fit import fit as fit
     from jbridge.identify.result import Fit as Fit
+    from jbridge.loop import closed_loop as closed_loop
     from jbridge.model.bridge import Bridge as Bridge
     from jbridge.model.effects.base import AbstractForce as AbstractForce
     from jbridge.model.effects.base import AbstractFriction as AbstractFriction
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
     from jbridge.model.files import Model as Model
     from jbridge.model.files import load_model as load_model
     from jbridge.model.files import save_model as save_model
+    from jbridge.model.parameters import with_values as with_values
     from jbridge.model.plant import Plant as Plant
     from jbridge.prediction import simulate as simulate
     from jbridge.recordings import Recording as Recording
@@ -45,6 +50,7 @@ if TYPE_CHECKING:
     from jbridge.report.terminal import describe_fit as describe_fit
     from jbridge.report.tracking import describe_tracking as describe_tracking
     from jbridge.report.tracking import save_tracking as save_tracking
+    from jbridge.rollout import play as play
     from jbridge.signals import Path as Path
     from jbridge.signals import smooth_path as smooth_path
     from jbridge.sweep.processes import join as join
@@ -61,11 +67,14 @@ __version__: str
 _HOMES = {
     "AbstractForce": "model.effects.base",
     "AbstractFriction": "model.effects.base",
+    "AbstractSummary": "collect",
     "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
     "Controller": "control.files",
     "Diagnosis": "diagnosis.result",
+    "Every": "collect",
+    "Everything": "collect",
     "Fit": "identify.result",
     "InputError": "errors",
     "Model": "model.files",
@@ -77,6 +86,7 @@ _HOMES = {
     "SweepResult": "sweep.run",
     "Tracking": "tracking",
     "check_output": "report.files",
+    "closed_loop": "loop",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
     "describe_tracking": "report.tracking",
@@ -94,6 +104,7 @@ _HOMES = {
     "moves": "control.measures",
     "paper_controller": "control.paper",
     "paper_path": "control.references",
+    "play": "rollout",
     "read_sweep": "sweep.run",
     "run_sweep": "sweep.run",
     "save_controller": "control.files",
@@ -107,17 +118,21 @@ _HOMES = {
     "simulate": "prediction",
     "smooth_path": "signals",
     "track": "tracking",
+    "with_values": "model.parameters",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
 
 __all__ = [
     "AbstractForce",
     "AbstractFriction",
+    "AbstractSummary",
     "Axes",
     "Bridge",
     "CATALOGUE",
     "Controller",
     "Diagnosis",
+    "Every",
+    "Everything",
     "Fit",
     "InputError",
     "Model",
@@ -129,6 +144,7 @@ __all__ = [
     "SweepResult",
     "Tracking",
     "check_output",
+    "closed_loop",
     "describe_diagnosis",
     "describe_fit",
     "describe_tracking",
@@ -146,6 +162,7 @@ __all__ = [
     "moves",
     "paper_controller",
     "paper_path",
+    "play",
     "read_sweep",
     "run_sweep",
     "save_controller",
@@ -160,17 +177,20 @@ __all__ = [
     "simulate",
     "smooth_path",
     "track",
+    "with_values",
 ]
 
 
-def set_up(cache: bool = True) -> None:
+def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
     """Turns on double precision, which every result needs, and keeps compiled programs from one run to the next.
 
-    To be called once, by whoever starts the computation: commands, experiments, notebooks.
+    To be called once, before anything is computed, by whoever starts the computation: commands, experiments, notebooks.
 
     Args:
         cache: whether to keep compiled programs, in the user's cache folder (`$XDG_CACHE_HOME` or `~/.cache`).
             A folder that cannot be written costs time and changes nothing.
+        whole_loops: whether a loop over time becomes one kernel on a processor. Batches whose state fits into a core's
+            cache then run several times faster; for the tangents of a fit it gains nothing and compiles longer.
     """
     import os
     import warnings
@@ -179,6 +199,8 @@ def set_up(cache: bool = True) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    if whole_loops and _WHOLE_LOOPS not in os.environ.get("XLA_FLAGS", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_WHOLE_LOOPS}=100000000".strip()
     if not cache:
         return
     try:
@@ -189,6 +211,10 @@ def set_up(cache: bool = True) -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
+
+
+_WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold"
+"""Size of a loop's state [byte] up to which the compiler makes one kernel of it; its default is 1 KiB."""
 
 
 def __getattr__(name: str) -> Any:

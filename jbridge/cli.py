@@ -139,7 +139,7 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
     given = [path for path in (arguments.model, arguments.controller, arguments.reference) if path]
     jbridge.check_output(arguments.out, folder=True, inputs=given)
     progress("reading")
-    jbridge.set_up(arguments.cache)
+    jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
     if arguments.controller:
         controller = jbridge.load_controller(arguments.controller)
@@ -162,7 +162,7 @@ def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
     if question_folder.exists() and not question_folder.is_dir():
         raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
     progress("reading")
-    jbridge.set_up(arguments.cache)
+    jbridge.set_up(arguments.cache, whole_loops=True)
     jbridge.join(arguments.coordinator, arguments.processes, arguments.process)
     question = jbridge.load_sweep(arguments.spec)
     result = jbridge.run_sweep(question, arguments.out, progress=progress)

@@ -5,7 +5,7 @@ before their lags (`inputs`) and the sensors are computed for the whole lane at 
 carries positions, velocities, the lags and a presliding spring.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Int
 
 from ._math import materialise
 from ._types import Axes, Scalar
+from .collect import AbstractCollector, Everything
 from .inputs import Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.flexible import DoublePendulum, RopeElasticity
@@ -29,6 +30,9 @@ class Motions(NamedTuple):
     v: Motion
     lag: Axes
     z: Scalar | None
+
+
+_EVERYTHING = Everything()
 
 
 class Method(eqx.Module):
@@ -99,6 +103,52 @@ def rollout(
 
     _, later = jax.lax.scan(interval, first, told)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
+
+
+class Sample(NamedTuple):
+    """An open loop at one sample."""
+
+    q: Motion
+    v: Motion
+    times: Scalar
+    """[s]"""
+
+
+def play(
+    plant: Plant,
+    initial: Float[Array, " state"],
+    inputs: Float[Array, "time 2"],
+    *,
+    period: Scalar | float,
+    substeps: int,
+    active: Axes | None = None,
+    method: Method = RK4,
+    collect: AbstractCollector = _EVERYTHING,
+    keep: bool = True,
+) -> Any:
+    """Plays held inputs to a plant, and keeps of its motion what is asked for.
+
+    Args:
+        plant: what moves.
+        initial: see `initial_motion`; inputs before the first are 0.
+        inputs: of cart and hoist [input unit], each held over one period.
+        period: time between inputs [s].
+        substeps: integration steps in each period.
+        active: 1 for an axis that moves; by default all do.
+        method: the Runge-Kutta method.
+        collect: what to keep; a `Sample` at the beginning of every period by default.
+        keep: whether reverse-mode differentiation keeps every step in memory; if not, it computes each period anew.
+    """
+    one = jnp.ones_like(initial[0])
+    moving = Axes(one, one, one) if active is None else active
+    span = jnp.asarray(period, one.dtype)
+    lane = Lane(jnp.zeros_like(one), jnp.broadcast_to(span, inputs.shape[:1]), inputs, jnp.zeros(0, one.dtype), moving)
+    first, told = prepare(plant, initial, lane, substeps)
+
+    def step(carry: Motions, now: Interval) -> tuple[Motions, Sample]:
+        return advance(plant, carry, now, moving, method=method), Sample(carry.q, carry.v, now.t[0])
+
+    return collect.run(step if keep else jax.checkpoint(step), first, told)
 
 
 class Interval(NamedTuple):

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, parameters_of, unit_at
@@ -159,3 +159,23 @@ def _without_site(group: str) -> str:
 def bridge_keys() -> tuple[str, ...]:
     """Names of the bridge's numbers."""
     return tuple(parameters_of(Bridge))
+
+
+def with_values(plant: Plant, values: Mapping[str, ArrayLike]) -> Plant:
+    """A plant with some of its numbers replaced; the new ones may be traced.
+
+    Args:
+        plant: as it is.
+        values: by name, as in model files and reports (`load_mass`, `coulomb_friction@cart.level`); a list's name takes
+            one value for all of it.
+
+    Raises:
+        KeyError: the plant has no such number.
+    """
+    table = ParameterTable(plant)
+    vector = jnp.asarray(table.ravel(plant))
+    kinds = [jnp.asarray(value).dtype for value in values.values()]
+    vector = vector.astype(jnp.result_type(*kinds)) if kinds else vector
+    for name, value in values.items():
+        vector = vector.at[np.asarray(table.positions(name))].set(jnp.asarray(value, vector.dtype))
+    return table.unravel(vector)

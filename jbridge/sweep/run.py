@@ -12,8 +12,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -74,10 +73,10 @@ def run_sweep(
     if missing:
         tell("compiling")
         rollouts = Rollouts(question)
-        start = time.perf_counter()
-        for rows in _each(lambda number: _compute(rollouts, question, target, number), missing):
-            computed += rows
-            left = sum(_size(question, number) for number in missing) - computed
+        start, total = time.perf_counter(), sum(_size(question, number) for number in missing)
+        for number in missing:
+            computed += _compute(rollouts, question, target, number)
+            left = total - computed
             rate = computed / max(time.perf_counter() - start, 1e-9)
             tell(f"{computed:,} rollouts, {rate:,.0f} a second, {_duration(left / rate)} left")
     _meet()
@@ -171,28 +170,6 @@ def _compute(rollouts: Rollouts, question: Sweep, folder: Path, number: int) -> 
     pq.write_table(table.replace_schema_metadata(about), partial)
     os.replace(partial, part)
     return len(rows)
-
-
-def _each(work: Callable[[int], int], numbers: list[int]) -> Iterator[int]:
-    """Results as they come; on processors, as many chunks at a time as there are cores."""
-    many = (os.cpu_count() or 1) if jax.devices()[0].platform == "cpu" else 1
-    yield work(numbers[0])  # alone: the others find its program compiled
-    with ThreadPoolExecutor(many) as pool:
-        waiting: set[Future[int]] = set()
-        left = iter(numbers[1:])
-        try:
-            while True:
-                # Never many more than run: an interruption must not wait for a long queue.
-                while len(waiting) < many and (number := next(left, None)) is not None:
-                    waiting.add(pool.submit(work, number))
-                if not waiting:
-                    return
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
-        finally:
-            for future in waiting:
-                future.cancel()
 
 
 def _meet() -> None:
