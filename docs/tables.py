@@ -21,7 +21,9 @@ def main() -> None:
             continue
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, rest = text.split(begin)
-        text = f"{before}{begin}\n\n{source.read_text(encoding='utf-8').strip()}\n\n{end}{rest.split(end)[1]}"
+        # In the README a table's headings stand below the section's.
+        content = re.sub(r"^(#+ )", r"##\1", source.read_text(encoding="utf-8").strip(), flags=re.MULTILINE)
+        text = f"{before}{begin}\n\n{content}\n\n{end}{rest.split(end)[1]}"
         print(f"{name}: inserted")
     readme.write_text(text, encoding="utf-8")
 
