@@ -10,8 +10,9 @@ import pytest
 
 from jbridge._types import AXES
 from jbridge.inputs import drive_inputs
+from jbridge.model.parameters import with_values
 from jbridge.model.plant import Plant
-from jbridge.rollout import MIDPOINT, RK4, Motions, initial_motion, rollout
+from jbridge.rollout import MIDPOINT, RK4, Motions, initial_motion, play, rollout
 from tests.problems import (
     CART_ALONE,
     EVERY_AXIS,
@@ -466,3 +467,26 @@ def test_readings_are_in_the_order_of_the_axes():
     read = measure(make_plant(), make_lane(np.zeros((1, 2))), motions)
     assert AXES == ("x", "psi", "l")
     np.testing.assert_array_equal(read[0], [0.1, 0.2, 0.3])
+
+
+def test_play_keeps_what_rollout_gives():
+    """Two routes to one answer: positions at the beginning of every period."""
+    plant = make_plant(
+        ("coulomb_friction", "cart", {"level": 3.0}), ("actuator_lag", "hoist_drive", {"time_constant": 0.05})
+    )
+    u, state = lively_inputs(60), make_state(psi=0.1)
+    motions = simulate(plant, state, make_lane(u, 0.01), substeps=3, method=RK4)
+    played = play(plant, state, jnp.asarray(u), period=0.01, substeps=3)
+    for found, wanted in zip(played.q.axes, motions.q.axes, strict=True):
+        np.testing.assert_allclose(found, wanted[:-1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(played.times, 0.01 * np.arange(60), atol=1e-12)
+
+
+def test_values_are_replaced_by_name():
+    plant = make_plant(("position_dependent_friction", "cart", {"knots": [0.2, 0.8], "levels": [3.0, 4.0]}))
+    changed = with_values(plant, {"load_mass": 0.2, "position_dependent_friction@cart.levels": 5.0})
+    assert float(changed.bridge.load_mass) == 0.2 and float(plant.bridge.load_mass) == NUMBERS["load_mass"]
+    np.testing.assert_array_equal(changed.effects[0].levels, [5.0, 5.0])
+    np.testing.assert_array_equal(changed.effects[0].knots, [0.2, 0.8])
+    with pytest.raises(KeyError):
+        with_values(plant, {"weight": 1.0})
