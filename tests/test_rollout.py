@@ -486,7 +486,7 @@ def test_values_are_replaced_by_name():
     plant = make_plant(("position_dependent_friction", "cart", {"knots": [0.2, 0.8], "levels": [3.0, 4.0]}))
     changed = with_values(plant, {"load_mass": 0.2, "position_dependent_friction@cart.levels": 5.0})
     assert float(changed.bridge.load_mass) == 0.2 and float(plant.bridge.load_mass) == NUMBERS["load_mass"]
-    np.testing.assert_array_equal(changed.effects[0].levels, [5.0, 5.0])
+    np.testing.assert_array_equal(changed.effects[0].levels_at, [5.0, 5.0])
     np.testing.assert_array_equal(changed.effects[0].knots, [0.2, 0.8])
     with pytest.raises(KeyError):
         with_values(plant, {"weight": 1.0})

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, parameters_of, unit_at
@@ -161,7 +161,7 @@ def bridge_keys() -> tuple[str, ...]:
     return tuple(parameters_of(Bridge))
 
 
-def with_values(plant: Plant, values: Mapping[str, ArrayLike]) -> Plant:
+def with_values(plant: Plant, values: Mapping[str, Array | float]) -> Plant:
     """A plant with some of its numbers replaced; the new ones may be traced.
 
     Args:
