@@ -30,6 +30,9 @@ format: $(INSTALLED) ## Format the code and sort its imports
 
 figures: $(INSTALLED) ## Redraw all figures from their saved data
 	$(BIN)/python experiments/concealed/run.py --figures
+	$(BIN)/python experiments/real_rigs/run.py --figures
+	$(BIN)/jbridge figures
+	$(BIN)/python docs/tables.py
 
 clean: ## Remove outputs and caches (delete .venv as well to start anew)
 	rm -rf out build dist .mypy_cache .pytest_cache .ruff_cache

@@ -134,7 +134,7 @@ def listed(run: dict) -> dict[str, list[float]]:
 def sampled(controller: "jbridge.Controller", path: "jbridge.Path"):
     """The controller as the rig's computer runs it: asked every 20 ms, its voltages held in between."""
     law, period = controller.law, controller.period
-    ask = jax.jit(law.command)
+    ask = jax.jit(lambda *given: law.command(*given))
     memory: dict = {"state": None, "next": 0, "volts": (0.0, 0.0)}
 
     def voltages(t: float, reading: dict[str, float]) -> tuple[float, float]:
