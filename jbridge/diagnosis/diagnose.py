@@ -35,7 +35,7 @@ from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
 from .search import SUPERFLUOUS, Search, state_of
 from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
-from .trials import EFFECTIVE, State, Trial, accepts, held
+from .trials import EFFECTIVE, Fitted, State, Trial, accepts, held
 from .words import verdict_sentence
 
 MOST_EFFECTS = 6
@@ -287,6 +287,8 @@ def _search(
         tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
         steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
+        state = search.simplify(state)
+        steps[-1] = _as_simplified(steps[-1], state)
         after = 0.0
         if search.window is not None:
             state = _back_to_free_runs(search, state)
@@ -303,6 +305,20 @@ def _search(
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return state, steps, learnable, after, last
+
+
+def _as_simplified(step: Step, state: State) -> Step:
+    """The step with the law that was accepted in the end, with its fit in place of the refit that stopped short."""
+    final = state.accepted[-1]
+    if final.name == step.chosen.candidate.name:
+        return step
+    shared = {field.name: getattr(state, field.name) for field in dataclasses.fields(Fitted)}
+    extra = sum(state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@") for place in state.free)
+    simple = Trial(**shared, candidate=final, z=step.chosen.z, extra=extra)
+    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
+    refused = {name: why for name, why in step.refused.items() if name != final.name}
+    refused[step.chosen.candidate.name] = "a simpler law explains as much"
+    return Step(step.number, simple, trials, refused)
 
 
 def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:

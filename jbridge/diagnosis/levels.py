@@ -1,8 +1,17 @@
 """Friction beside friction: the level common to both is counted once, with the plain Coulomb friction."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.effects.base import AbstractEffect
+from ..model.effects.friction import (
+    DirectionDependentFriction,
+    PositionDependentFriction,
+    PositionDirectionFriction,
+    StribeckFriction,
+)
 from ..model.parameters import ParameterTable
 
 ADDED_LEVELS = {
@@ -44,3 +53,22 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
             vector[places] -= common
             vector[plain] += common
     return vector
+
+
+def simpler_laws(effect: AbstractEffect) -> list[tuple[str, dict[str, Any]]]:
+    """Laws of friction that a law contains, the simplest first, at values that come close to it."""
+    if isinstance(effect, StribeckFriction):
+        return [("coulomb_friction", {"level": float(effect.level)})]
+    if isinstance(effect, DirectionDependentFriction):
+        return [("coulomb_friction", {"level": 0.5 * float(effect.positive + effect.negative)})]
+    if isinstance(effect, PositionDependentFriction):
+        return [("coulomb_friction", {"level": float(effect.levels_at.mean())})]
+    if isinstance(effect, PositionDirectionFriction):
+        up, down = np.asarray(effect.positive), np.asarray(effect.negative)
+        middle = {"knots": np.asarray(effect.knots), "levels": 0.5 * (up + down)}
+        return [
+            ("coulomb_friction", {"level": 0.5 * float(up.mean() + down.mean())}),
+            ("direction_dependent_friction", {"positive": float(up.mean()), "negative": float(down.mean())}),
+            ("position_dependent_friction", middle),
+        ]
+    return []

@@ -17,7 +17,7 @@ from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
-from .levels import ADDED_LEVELS, anchored, settle_levels
+from .levels import ADDED_LEVELS, anchored, settle_levels, simpler_laws
 from .screen import Screen, Screened, screen
 from .trials import Fitted, State, Trial, cross_validated, folds, least_gain, significance_of, transfer
 
@@ -185,6 +185,28 @@ class Search:
         winners = [w for w in winners if w.cost < enough][:2]
         return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
+    def simplify(self, state: State) -> State:
+        """The latest accepted law of friction in its simplest form that holds as well on recordings left out.
+
+        From the start that a screen gives, a refit of a simple law may stop short where a law with more parameters
+        finds its way round; from that law's values it does not.
+        """
+        latest = state.accepted[-1]
+        effect = next((e for e in state.plant.effects if (e.kind, e.site) == latest.name), None)
+        if effect is None:
+            return state
+        rest = tuple(e for e in state.plant.effects if e is not effect)
+        for kind, values in simpler_laws(effect):
+            if any((e.kind, e.site) == (kind, effect.site) for e in rest):
+                continue
+            self.progress(f"trying {kind.replace('_', ' ')} instead")
+            plant = _settled(Plant(state.plant.bridge, (*rest, make_effect(kind, effect.site, values))))
+            simple = Candidate(kind, effect.site, {}, tuple(k for k in values if k != "knots"), False)
+            found = self.polish(plant, state.known, state.initial, (*state.accepted[:-1], simple))
+            if found.cross_validated < state.cross_validated * (1 + SUPERFLUOUS):
+                return found
+        return state
+
     def prune(self, state: State) -> State:
         """Drops accepted explanations that the others have made superfluous, the latest first.
 
@@ -338,7 +360,11 @@ def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, v
     if candidate.kind != WRONG_VALUE:
         keep.add(candidate.name)
     effects = tuple(e for e in fitted.effects if (e.kind, e.site) in keep)
-    plant = Plant(fitted.bridge, effects)
+    return _settled(Plant(fitted.bridge, effects))
+
+
+def _settled(plant: Plant) -> Plant:
+    """The same plant with levels that two frictions have in common counted once."""
     own = ParameterTable(plant)
     return own.unravel(settle_levels(own, np.array(own.ravel(plant))))
 

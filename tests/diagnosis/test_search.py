@@ -1,14 +1,16 @@
 """Parts of the search: numbers that move between models, levels that are counted once, and left-out recordings."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.levels import anchored, settle_levels
+from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
 from jbridge.diagnosis.trials import cross_validated, transfer
 from jbridge.identify.lanes import make_batch
+from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.rollout import RK4
 from tests.identify.cases import NOISE, make_recording, steps
@@ -117,3 +119,34 @@ def test_plain_friction_is_tried_beside_every_law():
     assert with_simpler([law, drag], ranked) == [law, drag, plain]
     assert with_simpler([law, plain], ranked) == [law, plain]
     assert with_simpler([drag], ranked) == [drag]
+
+
+@pytest.mark.parametrize(
+    ("kind", "simpler"),
+    [
+        ("stribeck_friction", ["coulomb_friction"]),
+        ("direction_dependent_friction", ["coulomb_friction"]),
+        ("position_dependent_friction", ["coulomb_friction"]),
+        (
+            "position_direction_friction",
+            ["coulomb_friction", "direction_dependent_friction", "position_dependent_friction"],
+        ),
+    ],
+)
+def test_a_law_contains_simpler_ones(kind, simpler):
+    """Each lies between the levels of the law that contains it."""
+    plant, _, _ = with_added(kind)
+    effect = plant.effects[-1]
+    found = simpler_laws(effect)
+    assert [name for name, _ in found] == simpler
+    numbers = np.concatenate([np.ravel(v) for k, v in ADDED[kind].items() if k not in ("knots", "velocity")])
+    for name, values in found:
+        made = make_effect(name, "cart", values)
+        low, high = (
+            float(np.min(np.asarray(made.levels(*map(jnp.asarray, (0.0, x, v)))))) for x, v in ((0.5, 0.3), (0.5, -0.3))
+        )
+        assert numbers.min() - 1e-12 <= min(low, high) and max(low, high) <= numbers.max() + 1e-12
+
+
+def test_a_smooth_effect_contains_no_simpler_law():
+    assert simpler_laws(make_effect("quadratic_drag", "cart", {"coefficient": 1.0})) == []
