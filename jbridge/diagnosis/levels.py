@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..model.effects.base import AbstractEffect
 from ..model.effects.friction import (
     DirectionDependentFriction,
+    FrictionDrift,
     PositionDependentFriction,
     PositionDirectionFriction,
     StribeckFriction,
@@ -57,7 +58,7 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
 
 def simpler_laws(effect: AbstractEffect) -> list[tuple[str, dict[str, Any]]]:
     """Laws of friction that a law contains, the simplest first, at values that come close to it."""
-    if isinstance(effect, StribeckFriction):
+    if isinstance(effect, StribeckFriction | FrictionDrift):
         return [("coulomb_friction", {"level": float(effect.level)})]
     if isinstance(effect, DirectionDependentFriction):
         return [("coulomb_friction", {"level": 0.5 * float(effect.positive + effect.negative)})]

@@ -230,6 +230,7 @@ def test_a_process_that_dies_is_told_and_the_sweep_resumes(spec, tmp_path):
     while not list(out.glob("part-*.parquet")):
         assert running[0].poll() is None and running[1].poll() is None
     running[1].kill()
+    running[1].communicate()
     _, said = running[0].communicate(timeout=400)
     assert running[0].returncode != 0 and said.strip()
     before = len(list(out.glob("part-*.parquet")))
