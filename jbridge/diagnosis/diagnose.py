@@ -152,7 +152,7 @@ def diagnose(
         left,
         large,
         curve=curved is not None,
-        unproven=worst_ratio(runs[3].errors.free_run, setting.noise) if unproven and not still else None,
+        unproven=left_over if unproven and not still else None,
     )
     return Diagnosis(
         verdict,
