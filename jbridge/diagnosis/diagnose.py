@@ -130,9 +130,10 @@ def diagnose(
     # A force without a name makes the simulation usable, but it explains nothing.
     still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= STILL_LEARNABLE)))
     # The model is frozen, but whoever reads the verdict must be told if the proof fails.
-    unproven = bool(alarm and steps) and not carries_over(
-        runs[2].errors, runs[3].errors, setting.noise, windows=search.window is not None
-    )
+    in_windows = search.window is not None
+    proven = carries_over(runs[2].errors, runs[3].errors, setting.noise, windows=in_windows)
+    unproven = bool(alarm and steps) and not proven
+    held_out = runs[3].errors.window if in_windows else runs[3].errors.free_run
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     at = curved.plant.effects[-1].site if curved is not None else None
@@ -152,7 +153,7 @@ def diagnose(
         left,
         large,
         curve=curved is not None,
-        unproven=left_over if unproven and not still else None,
+        unproven=worst_ratio(held_out, setting.noise) if unproven and not still else None,
     )
     return Diagnosis(
         verdict,
