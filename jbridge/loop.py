@@ -36,9 +36,6 @@ class Response(NamedTuple):
     """What was wanted."""
 
 
-_EVERYTHING = Everything()
-
-
 class _Carry(NamedTuple):
     motions: Motions
     controller: Any
@@ -65,7 +62,7 @@ def closed_loop(
     memory: int = 0,
     active: Axes | None = None,
     method: Method = RK4,
-    collect: AbstractCollector = _EVERYTHING,
+    collect: AbstractCollector = Everything(),
     keep: bool = True,
 ) -> Any:
     """Lets a controller move a plant along a reference.

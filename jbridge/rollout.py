@@ -32,9 +32,6 @@ class Motions(NamedTuple):
     z: Scalar | None
 
 
-_EVERYTHING = Everything()
-
-
 class Method(eqx.Module):
     """An explicit Runge-Kutta method whose every stage builds on the one before."""
 
@@ -123,7 +120,7 @@ def play(
     substeps: int,
     active: Axes | None = None,
     method: Method = RK4,
-    collect: AbstractCollector = _EVERYTHING,
+    collect: AbstractCollector = Everything(),
     keep: bool = True,
 ) -> Any:
     """Plays held inputs to a plant, and keeps of its motion what is asked for.

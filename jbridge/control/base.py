@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._types import Axes, Scalar
+from ..fuzzy.membership import as_number
 
 
 class Reference(eqx.Module):
@@ -51,7 +52,7 @@ class AbstractController(eqx.Module):
 class Differences(eqx.Module):
     """Velocities from encoder readings: differences from sample to sample, smoothed by a first-order filter."""
 
-    time_constant: Scalar = eqx.field(converter=lambda v: jnp.asarray(v, jnp.result_type(float)), default=0.02)
+    time_constant: Scalar = eqx.field(converter=as_number, default=0.02)
     """Of the filter [s]."""
 
     def start(self, measured: Axes) -> tuple[Axes, Axes]:

@@ -1,19 +1,14 @@
 """The paper's two fuzzy controllers: one for the cart's position, one for the rope's length."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._types import Axes, Scalar
 from ..fuzzy.inference import AbstractSystem
+from ..fuzzy.membership import as_number
 from ..fuzzy.norms import Softness
 from .base import AbstractController, Differences, Reference
-
-
-def _number(value: Any) -> Array:
-    return jnp.asarray(value, jnp.result_type(float))
 
 
 class FuzzyController(AbstractController):
@@ -25,9 +20,9 @@ class FuzzyController(AbstractController):
 
     cart: AbstractSystem
     hoist: AbstractSystem
-    cart_scale: Scalar = eqx.field(converter=_number, default=1.0)
+    cart_scale: Scalar = eqx.field(converter=as_number, default=1.0)
     """Error of the cart's position that counts as 1 [m]."""
-    hoist_scale: Scalar = eqx.field(converter=_number, default=1.0)
+    hoist_scale: Scalar = eqx.field(converter=as_number, default=1.0)
     """Error of the rope's length that counts as 1 [m]."""
     differences: Differences = Differences()
     softness: Softness = None

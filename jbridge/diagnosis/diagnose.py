@@ -35,7 +35,7 @@ from .result import Adequacy, Diagnosis, NamedEffect
 from .screen import Screen
 from .search import SUPERFLUOUS, Search, state_of
 from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
-from .trials import EFFECTIVE, Fitted, State, Trial, accepts, held
+from .trials import EFFECTIVE, State, Trial, accepts, held
 from .words import verdict_sentence
 
 MOST_EFFECTS = 6
@@ -313,9 +313,8 @@ def _as_simplified(step: Step, state: State) -> Step:
     final = state.accepted[-1]
     if final.name == step.chosen.candidate.name:
         return step
-    shared = {field.name: getattr(state, field.name) for field in dataclasses.fields(Fitted)}
     extra = sum(state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@") for place in state.free)
-    simple = Trial(**shared, candidate=final, z=step.chosen.z, extra=extra)
+    simple = Trial(**state.shared(), candidate=final, z=step.chosen.z, extra=extra)
     trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
     refused = {name: why for name, why in step.refused.items() if name != final.name}
     refused[step.chosen.candidate.name] = "a simpler law explains as much"

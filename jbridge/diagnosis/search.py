@@ -19,7 +19,7 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import ADDED_LEVELS, anchored, settle_levels, simpler_laws
 from .screen import Screen, Screened, screen
-from .trials import Fitted, State, Trial, cross_validated, folds, least_gain, significance_of, transfer
+from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, transfer
 
 REFITS = 5
 """Most candidates that are refitted at a time."""
@@ -248,8 +248,7 @@ class Search:
         best = min(self._each(one, seeds), key=lambda t: t.cost)
         if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:
             return None
-        fields = {field.name: getattr(best, field.name) for field in dataclasses.fields(Fitted)}
-        return State(**fields, accepted=state.accepted)
+        return State(**best.shared(), accepted=state.accepted)
 
     def _each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,10 @@ class Fitted:
     def chi(self) -> float:
         """Error over noise, root mean square over all channels."""
         return chi(self.cost, self.batch)
+
+    def shared(self) -> dict[str, Any]:
+        """These fields, for a `State` or `Trial` of the same fit."""
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(Fitted)}
 
     @property
     def worst(self) -> float:

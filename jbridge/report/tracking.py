@@ -1,5 +1,6 @@
 """What `control` leaves: the run as a recording, how each move went, and the pictures."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from ..tracking import Tracking
 from .figures.style import Picture
 from .figures.tracking import Run, draw_commands, draw_positions, draw_way
 from .files import PathLike, make_folder, write_bytes, write_text
-from .html import bullets, element, page, section, show_all, table, tag
+from .html import element, page, section, show_all, table, tag
 from .quantities import digits
 
 RUN = "run.csv"
@@ -20,14 +21,13 @@ _EXPLAINED = (
 )
 
 
-def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller, notes: tuple[str, ...] = ()) -> Path:
+def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) -> Path:
     """Writes run.csv (the run as a recording), controller.toml, control.json, figures/*.png and control.html.
 
     Args:
         folder: where to.
         tracking: the closed loop.
         controller: what commanded it.
-        notes: what to say besides.
 
     Returns:
         The path of control.html.
@@ -39,16 +39,16 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller, 
     make_folder(target)
     save_csv(target / RUN, tracking.columns)
     save_controller(target / "controller.toml", controller)
-    moves = [move.__dict__ for move in tracking.moves]
-    write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves, "notes": notes}, indent=2) + "\n")
+    moves = [dataclasses.asdict(move) for move in tracking.moves]
+    write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves}, indent=2) + "\n")
     pictures = tracking_pictures(tracking)
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    write_text(target / "control.html", _page(tracking, pictures, notes))
+    write_text(target / "control.html", _page(tracking, pictures))
     return target / "control.html"
 
 
-def describe_tracking(tracking: Tracking, folder: PathLike | None = None, notes: tuple[str, ...] = ()) -> str:
+def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
     rows = _rows(tracking)
     head = ("move", "to x, l [m]", "settled, s", "load settled, s", "overshoot x, l", "steady error x, l", "swing left")
@@ -56,7 +56,7 @@ def describe_tracking(tracking: Tracking, folder: PathLike | None = None, notes:
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
     ]
-    lines += ["", *(f"Note        {note}" for note in notes)] if notes else [""]
+    lines.append("")
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"
@@ -105,7 +105,7 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
     return rows
 
 
-def _page(tracking: Tracking, pictures: tuple[Picture, ...], notes: tuple[str, ...]) -> str:
+def _page(tracking: Tracking, pictures: tuple[Picture, ...]) -> str:
     head = (
         "move",
         "to x, l [m]",
@@ -130,6 +130,5 @@ def _page(tracking: Tracking, pictures: tuple[Picture, ...], notes: tuple[str, .
                 ),
             ),
             section("What happened", show_all(pictures)),
-            section("Notes", bullets(notes)),
         ],
     )

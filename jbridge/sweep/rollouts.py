@@ -21,7 +21,7 @@ from ..loop import closed_loop, periods_remembered
 from ..model.parameters import ParameterTable
 from ..signals import along, durations
 from .spec import Sweep
-from .summaries import MoveSummary, is_sound, names
+from .summaries import UNITS, MoveSummary, is_sound
 
 _STEP = 0.005
 """Longest integration step [s]; with a hidden coordinate half of it."""
@@ -36,7 +36,7 @@ class Rollouts:
 
     def __init__(self, sweep: Sweep):
         self.sweep = sweep
-        self.names = (*names(), "sound")
+        self.names = (*UNITS, "sound")
         devices = jax.local_devices()
         self._sharding = NamedSharding(Mesh(np.array(devices), ("rollout",)), PartitionSpec("rollout"))
         on_cores = devices[0].platform == "cpu"

@@ -23,6 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from .._toml import replace_text
 from ..errors import InputError
 from ..model.parameters import ParameterTable
 from .rollouts import Rollouts
@@ -125,7 +126,7 @@ def _claim(folder: Path, question: Sweep) -> None:
             return
         if any(folder.glob("part-*.parquet")):
             raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
-        _replace(mark, json.dumps(_about(question), indent=1) + "\n")
+        replace_text(mark, json.dumps(_about(question), indent=1) + "\n")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
 
@@ -195,14 +196,8 @@ def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
                 writer.writerow([table.column(name)[int(row)].as_py() for name in names])
             failed += len(bad)
     os.replace(partial, folder / "failures.csv")
-    _replace(folder / "sweep.json", json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
+    replace_text(folder / "sweep.json", json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
     return failed
-
-
-def _replace(path: Path, text: str) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
 
 
 def _duration(seconds: float) -> str:

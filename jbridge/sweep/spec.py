@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 from .._toml import Where, nearest, read_toml, shown, word
@@ -66,19 +67,14 @@ class Sweep:
         """A hash of everything that decides the results."""
         design = dataclasses.asdict(self.design)
         table = ParameterTable(self.model.plant)
-        law = [np.asarray(leaf).tolist() for leaf in _leaves(self.controller.law)]
-        kinds = [(effect.kind, effect.site) for effect in self.model.plant.effects]
+        law = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(self.controller.law)]
+        # Rules and sites are structure, not numbers.
+        structure = [str(jax.tree.structure(part)) for part in (self.model.plant, self.controller.law)]
         content = [
-            design, kinds, np.asarray(table.ravel(self.model.plant)).tolist(), law, self.controller.period, self.start,
-            self.goal, self.speed, self.rest, self.chunk, self.precision,
+            design, structure, np.asarray(table.ravel(self.model.plant)).tolist(), law, self.controller.period,
+            self.start, self.goal, self.speed, self.rest, self.chunk, self.precision,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _leaves(tree: Any) -> list[Any]:
-    import jax
-
-    return jax.tree.leaves(tree)
 
 
 def load_sweep(path: str | os.PathLike[str]) -> Sweep:

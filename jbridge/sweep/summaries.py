@@ -7,6 +7,7 @@ from jaxtyping import Array
 
 from .._math import sincos
 from ..collect import AbstractSummary
+from ..control.measures import NEAR
 
 UNITS = {
     "settling_x": "s",
@@ -30,8 +31,6 @@ UNITS = {
     "highest_x": "m",
 }
 """Unit of every summary."""
-NEAR = 0.01
-"""Distance from the goal within which a position counts as settled [m]."""
 
 
 class _Numbers(NamedTuple):
@@ -112,7 +111,3 @@ def is_sound(summary: dict[str, Array]) -> Array:
     """Whether a run has stayed finite; a position that never settles is no failure."""
     settling = ("settling_x", "settling_l", "settling_load")
     return jnp.all(jnp.stack([jnp.isfinite(v) for k, v in summary.items() if k not in settling]), axis=0)
-
-
-def names() -> tuple[str, ...]:
-    return tuple(UNITS)

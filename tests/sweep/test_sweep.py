@@ -161,6 +161,19 @@ def test_another_question_does_not_mix_with_the_answers(done, spec):
         run_sweep(load_sweep(spec), folder / "out")
 
 
+def test_other_rules_are_another_question(spec, tmp_path):
+    """Rules are no numbers, and yet they decide the results."""
+    controller = jbridge.Controller(jbridge.paper_controller())
+    jbridge.save_controller(spec.parent / "fuzzy.toml", controller)
+    spec.write_text('controller = "fuzzy.toml"\n' + SPEC)
+    before = load_sweep(spec).identity
+    text = (spec.parent / "fuzzy.toml").read_text()
+    (spec.parent / "fuzzy.toml").write_text(
+        text.replace("if angle is P then voltage is ZE", "if angle is P then voltage is NS")
+    )
+    assert load_sweep(spec).identity != before
+
+
 def test_failures_are_counted_and_listed(spec, tmp_path):
     """A hoist whose friction is negative damping runs away."""
     spec.write_text(
