@@ -57,7 +57,6 @@ def level_rows(levels: dict) -> list[dict]:
                     "whole_mean": mean(whole),
                     "stop": entry["stop"],
                     "beaten_held_out": whole[2] < min(published),
-                    "beaten_mean": mean(whole) < min(published),
                     "beaten_cut": cut[2] < min(published),
                 }
             )
@@ -118,7 +117,7 @@ def table(kept: dict) -> str:
 
 
 def _levels_part(rows: list[dict]) -> list[str]:
-    beaten = sum(row["beaten_held_out"] for row in rows)
+    cut, whole = (sum(row[key] for row in rows) for key in ("beaten_cut", "beaten_held_out"))
     lines = [
         "",
         f"## {GANTRY}: every PWM level",
@@ -127,10 +126,11 @@ def _levels_part(rows: list[dict]) -> list[str]:
         "at rest, RMSE over all rows. *15 s* is the published definition, the unlogged stop included, though nothing",
         "after the motor was switched off took part in the fit; *motor on* ends where the motor is switched off. Hoist",
         "runs are not cut but for the 15 s. Published: FPA / SGD parameters, mean of three runs, re-simulated.",
-        f"Held-out run 3 over 15 s beats the better published figure in {beaten} of {len(rows)} rows.",
+        f"While the motor is on, held-out run 3 beats the better published figure in {cut} of {len(rows)} rows;",
+        f"over 15 s, with a stop that no log tells of, in {whole}.",
         "",
         "| row | published 15 s | ours 15 s, run 3 | mean of runs 1-3 | ours motor on, run 3 (runs 1, 2) | until [s] |"
-        " published motor on | beaten (15 s: run 3, mean) |",
+        " published motor on | beaten by run 3 (motor on, 15 s) |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for r in rows:
@@ -141,7 +141,7 @@ def _levels_part(rows: list[dict]) -> list[str]:
             f"| {r['axis']} {r['level']}, {r['channel']} [{UNITS[r['channel']]}] | {a:g} / {b:g} |"
             f" {_sensible(r['whole'][2])} | {_sensible(r['whole_mean'])} | {cut} | {r['stop'][2]:.1f} |"
             f" {f'{on[0]:g} / {on[1]:g}' if on else ''} |"
-            f" {'yes' if r['beaten_held_out'] else 'no'}, {'yes' if r['beaten_mean'] else 'no'} |"
+            f" {'yes' if r['beaten_cut'] else 'no'}, {'yes' if r['beaten_held_out'] else 'no'} |"
         )
     return lines
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..identify.base import WINDOW, BaseFit, base_fit, columns_for, measurements
+from ..identify.base import WINDOW, BaseFit, base_fit, columns_for
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.setting import Setting, lanes_for, make_setting, resolve
+from ..identify.setting import Setting, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
 from ..model.parameters import ParameterTable
@@ -30,30 +30,15 @@ from .adequacy import (
     significance,
     worst_ratio,
 )
+from .curve import force_without_a_name
+from .holdout import split_off
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, NamedEffect
-from .screen import Screen
-from .search import SUPERFLUOUS, Search, state_of
-from .tell import HOLDS, Step, location_of, named_of, parameters_of, trials_of
-from .trials import EFFECTIVE, State, Trial, accepts, held
+from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
+from .search import Search
+from .tell import location_of, named_of, parameters_of, trials_of
+from .trials import EFFECTIVE, State
 from .words import verdict_sentence
-
-MOST_EFFECTS = 6
-MOST_WITH_MECHANISMS = 2
-"""Effects after which those with a hidden state, which take longest to try, are tried no more."""
-DRIFTING = 25.0
-"""Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
-NEAR = 1.15
-"""Error over noise below which a further effect is not looked for."""
-CLOSE = 1.05
-"""Error over noise below which even effects with a hidden state have nothing left to explain."""
-NONLINEAR = 3.0
-"""Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
-MOST = 0.5
-"""Least share of the excess that an effect must explain where the model is already adequate."""
-STRONG = 0.1
-"""Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
-it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
 
 
 def diagnose(
@@ -82,7 +67,7 @@ def diagnose(
     tell = progress or (lambda text: None)
     notes = [f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes]
     if not holdout:
-        recordings, holdout, note = _split(recordings)
+        recordings, holdout, note = split_off(recordings)
         notes.append(note)
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
@@ -100,8 +85,10 @@ def diagnose(
     large = is_large(found)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
-    search = Search(plant, setting, window, progress)
-    state, steps, learnable, learnable_after, last = _search(search, base, plant, model, setting, large, p_value, tell)
+    search = Search(plant, model.known, setting, window, progress)
+    explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
+    state, steps = explained.state, explained.steps
+    learnable, learnable_after = explained.learnable, explained.learnable_after
     badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
     repeating = learnable >= LEARNABLE
     if large and p_value <= SIGNIFICANT and not repeating:
@@ -114,7 +101,7 @@ def diagnose(
         learnable_after = max([learnable_after, *(shares.get(axis, 0.0) for axis in badly)])
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
     repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
-    curved = search.curve(state) if repeats else None
+    curved = force_without_a_name(search, state) if repeats else None
     state = curved or state
     changed = bool(steps) or curved is not None
     final_plant = state.plant if changed else base_plant
@@ -137,7 +124,7 @@ def diagnose(
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     at = curved.plant.effects[-1].site if curved is not None else None
-    location = location_of(alarm, effects, steps, last, shown, setting, at)
+    location = location_of(alarm, effects, steps, explained.last, shown, setting, at)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
@@ -173,7 +160,7 @@ def diagnose(
         WINDOW,
         tuple(r.name for r in setting.holdout),
         shown,
-        trials_of(steps, last, state),
+        trials_of(steps, explained.last, state),
         None,
         tuple(warnings(table, final_vector, final_free, cov)),
         tuple(dict.fromkeys(notes)),
@@ -202,187 +189,6 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
     predicted = np.asarray(base.engine.motions(base.window_vector, base.fits.initial[0], base.free_run)[1])
     shares = repeating_share(plant, setting.recordings, base.free_run, predicted, setting.noise)
     return max(shares.get(axis, 0.0) for axis in axes)
-
-
-def _split(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
-    """The last quarter of the recordings, or of the time of a single one, as hold-out."""
-    if len(recordings) > 1:
-        count = max(1, len(recordings) // 4)
-        names = ", ".join(r.name for r in recordings[-count:])
-        return (
-            tuple(recordings[:-count]),
-            tuple(recordings[-count:]),
-            f"No hold-out was given: {names} took no part in the choice and serves as one.",
-        )
-    only = recordings[0]
-    cut = int(0.75 * len(only.times))
-    if min(cut, len(only.times) - cut) < 50:
-        raise InputError(
-            f"{only.name}: {len(only.times)} rows are too few to keep a quarter of them as hold-out; "
-            "record longer, or give another recording with --holdout"
-        )
-    return (
-        (_rows(only, slice(None, cut)),),
-        (_rows(only, slice(cut, None)),),
-        f"There is one recording: its last quarter, from {only.times[cut] - only.times[0]:.3g} s, took no part in the "
-        "choice and serves as hold-out.",
-    )
-
-
-def _rows(recording: Recording, rows: slice) -> Recording:
-    arrays = {
-        name: getattr(recording, name)[rows]
-        for name in ("u_x", "u_l", "x", "psi", "l")
-        if getattr(recording, name) is not None
-    }
-    return dataclasses.replace(
-        recording,
-        times=recording.times[rows],
-        fresh={name: flag[rows] for name, flag in recording.fresh.items()},
-        extras={name: values[rows] for name, values in recording.extras.items()},
-        **arrays,
-    )
-
-
-def _search(
-    search: Search,
-    base: BaseFit,
-    plant: Plant,
-    model: Model,
-    setting: Setting,
-    large: bool,
-    p_value: float,
-    tell: Callable[[str], None],
-) -> tuple[State, list[Step], float, float, tuple[Screen | None, list[Trial]]]:
-    """Accepts one explanation after the other; also the learnable share before and after."""
-    state = state_of(base.engine, base.free_run, base.fits, model.known)
-    if search.window is not None:
-        start = base.engine.table.unravel(base.window_vector)
-        guess = lanes_for(base.engine.table, plant, setting, setting.recordings, search.window).initial
-        state = search.polish(start, model.known, guess, ())
-    first = state, search.window
-    steps: list[Step] = []
-    if not large or p_value > SIGNIFICANT:
-        return state, steps, 0.0, 0.0, (None, [])
-    learnable, after = 0.0, 0.0
-    last: tuple[Screen | None, list[Trial]] = (None, [])
-    for _ in range(MOST_EFFECTS):
-        screened, trials = _weigh(search, state)
-        after = screened.learnable
-        if not steps:
-            learnable = screened.learnable
-        last = (screened, trials)
-        # What a linear screen could not foresee must prove itself the more by simulation.
-        least = HOLDS if after >= LEARNABLE else LEARNABLE
-        if state.worst < LARGE:
-            # What no longer raises an alarm needs a further effect only if that explains most of it.
-            least = MOST
-        reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
-        passed = [t for t in trials if not reasons[t.candidate.name]]
-        if not passed:
-            break
-        chosen = passed[0]
-        share = min(held(state, chosen), 1.0)
-        if not steps:
-            learnable = max(learnable, share)
-        tell(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
-        state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
-        steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
-        state = search.simplify(state)
-        steps[-1] = _as_simplified(steps[-1], state)
-        after = 0.0
-        if search.window is not None:
-            state = _back_to_free_runs(search, state)
-        if len(steps) > 1 and chosen.candidate.unscreened:
-            state, steps = _alone(search, first, state, steps)
-        if state.chi < NEAR and state.worst < LARGE:
-            break
-    else:
-        after = learnable
-    if len(steps) > 1:
-        state = search.prune(state)
-        steps = _by_gap_closed(steps, state)
-    if steps and search.window is not None:
-        # Parameters are sharpest, and errors are reported, on whole recordings.
-        state = _back_to_free_runs(search, state)
-    return state, steps, learnable, after, last
-
-
-def _as_simplified(step: Step, state: State) -> Step:
-    """The step with the law that was accepted in the end, with its fit in place of the refit that stopped short."""
-    final = state.accepted[-1]
-    if final.name == step.chosen.candidate.name:
-        return step
-    extra = sum(state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@") for place in state.free)
-    simple = Trial(**state.shared(), candidate=final, z=step.chosen.z, extra=extra)
-    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
-    refused = {name: why for name, why in step.refused.items() if name != final.name}
-    refused[step.chosen.candidate.name] = "a simpler law explains as much"
-    return Step(step.number, simple, trials, refused)
-
-
-def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:
-    """Steps whose effects were kept, first that without which the model would be worst."""
-    kept = {candidate.name for candidate in state.accepted}
-    left = [step for step in steps if step.chosen.candidate.name in kept]
-    return sorted(left, key=lambda step: -state.without.get(step.chosen.candidate.name, 0.0))
-
-
-def _alone(
-    search: Search, first: tuple[State, float | None], state: State, steps: list[Step]
-) -> tuple[State, list[Step]]:
-    """An effect with a hidden state in place of all that was accepted before it, if it explains as much.
-
-    What it does may have been explained piecemeal, and from there a fit does not find the way back.
-    """
-    begin, window = first
-    outer, search.window = search.window, window
-    trials = search.mechanisms(begin, steps[-1].chosen.candidate.name)
-    alone = None
-    if trials:
-        trial = trials[0]
-        alone = search.polish(trial.plant, trial.known, trial.initial, (trial.candidate,))
-        if search.window is not None:
-            alone = _back_to_free_runs(search, alone)
-    same = alone is not None and measurements(alone.batch) == measurements(state.batch)
-    if alone is None or not same or alone.cost > state.cost * (1 + SUPERFLUOUS):
-        search.window = outer
-        return state, steps
-    others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
-    ranked = sorted([trials[0], *others], key=lambda t: t.score)
-    refused = {name: why for name, why in steps[0].refused.items() if name != trials[0].candidate.name}
-    return alone, [Step(1, trials[0], ranked, refused)]
-
-
-def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
-    """Refits what is promising, looking the closer the less that explains."""
-    screened = search.look(state)
-    trials = search.refit(state, screened)
-    if search.window is None and state.chi > NONLINEAR and not _explained(trials, NEAR):
-        screened = search.look_closer(state, screened)
-        trials += search.refit(state, screened, trials)
-    elif not _explained(trials, LARGE):
-        trials += search.refit(state, screened, trials)
-    strong = any(t.cost < STRONG * state.cost for t in trials)
-    if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
-        trials += search.mechanisms(state)
-    return screened, sorted(trials, key=lambda t: t.score)
-
-
-def _explained(trials: Sequence[Trial], ratio: float) -> bool:
-    """Whether some trial leaves little more than noise."""
-    return any(t.cost < ratio**2 * measurements(t.batch) for t in trials)
-
-
-def _back_to_free_runs(search: Search, state: State) -> State:
-    """Whole recordings again, once the model has become good enough for them."""
-    windows, search.window = search.window, None
-    guess = lanes_for(state.engine.table, state.plant, search.setting, search.setting.recordings).initial
-    whole = search.polish(state.plant, state.known, guess, state.accepted)
-    if whole.chi < DRIFTING:
-        return whole
-    search.window = windows
-    return state
 
 
 def _covariance(state: State, base: BaseFit, accepted: bool) -> Any:

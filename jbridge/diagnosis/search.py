@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import WINDOW, channel_errors, columns_for, measurements
+from ..identify.base import WINDOW, channel_errors, columns_for
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
@@ -17,7 +17,7 @@ from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
-from .levels import ADDED_LEVELS, anchored, settle_levels, simpler_laws
+from .levels import ADDED_LEVELS, anchored, settle_levels
 from .screen import Screen, Screened, screen
 from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, transfer
 
@@ -27,14 +27,8 @@ _ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
 _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
-SUPERFLUOUS = 0.02
-"""Rise of the cost up to which an effect is dropped again."""
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
-_CURVE_PAYS = 0.8
-"""Cost, relative to the model without it, that a force without a name must reach to be kept."""
-_PROMISING = 0.8
-"""Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
 
 
 def state_of(
@@ -63,9 +57,15 @@ class Search:
     """Rounds of screening, refitting and choosing."""
 
     def __init__(
-        self, given: Plant, setting: Setting, window: float | None, progress: Callable[[str], None] | None = None
+        self,
+        given: Plant,
+        known: frozenset[str],
+        setting: Setting,
+        window: float | None,
+        progress: Callable[[str], None] | None = None,
     ):
         self.given = given
+        self.known = known
         self.setting = setting
         self.window = window
         self.progress = progress or (lambda text: None)
@@ -129,16 +129,16 @@ class Search:
         self.progress(f"refitting {len(by_name)} explanations")
 
         def one(items: list[Screened]) -> Trial:
-            engine, vector, free = self._with(state, items[0].candidate)
+            engine, vector, free = self.extended(state, items[0].candidate)
             rows = [i.start(engine.table, vector) for i in items]
             seeds = [i.candidate for i in items]
             if self.window is not None:
                 # What is missing has pulled the numbers so far away that a fit need not find back from there.
                 rows.append(self._as_given(engine.table, rows[0], free))
                 seeds.append(seeds[0])
-            return self._refit(state, seeds, engine, np.array(rows), free)
+            return self.refit_rows(state, seeds, engine, np.array(rows), free)
 
-        return sorted(self._each(one, list(by_name.values())), key=lambda t: t.score)
+        return sorted(self.each(one, list(by_name.values())), key=lambda t: t.score)
 
     def _as_given(
         self, table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]
@@ -150,112 +150,12 @@ class Search:
         start[free] = owner[free]
         return start
 
-    def mechanisms(self, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
-        """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
-        scene = scene_of(self.setting, state.plant)
-        found: dict[tuple[str, str], list[Candidate]] = {}
-        for c in candidates(state.plant, state.known, self.setting, scene):
-            if c.unscreened and only in (None, c.name):
-                found.setdefault(c.name, []).append(c)
-        self.progress(f"refitting {len(found)} explanations with a hidden state")
-
-        few = _few(self.setting.recordings)
-        lanes = lanes_for(state.engine.table, state.plant, self.setting, few, WINDOW)
-        width = columns_for(len(state.free))
-        without = solve(
-            state.engine, lanes, state.vector[None], [state.free], columns=width, iterations=5, tolerance=1e-2
-        )
-
-        def contest(seeds: list[Candidate]) -> _Contest:
-            engine, vector, free = self._with(state, seeds[0])
-            rows = np.array([seed.set(engine.table, vector) for seed in seeds])
-            frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
-            batch = lanes_for(engine.table, engine.table.unravel(rows[0]), self.setting, few, WINDOW)
-            tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)
-            best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
-            return _Contest(
-                float(np.nan_to_num(tries.cost[best], nan=np.inf)), seeds[best], engine, tries.vectors[best], free
-            )
-
-        # Seeds compete on windows of a few recordings; only what wins there is taken through all of them.
-        winners = sorted(self._each(contest, list(found.values())), key=lambda w: w.cost)
-        # Where little is left, half of what exceeds the noise counts as much as a share of the whole.
-        least = float(without.cost[0])
-        enough = max(_PROMISING * least, least - 0.5 * max(least - measurements(lanes), 0.0))
-        winners = [w for w in winners if w.cost < enough][:2]
-        return self._each(lambda w: self._refit(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
-
-    def simplify(self, state: State) -> State:
-        """The latest accepted law of friction in its simplest form that holds as well on recordings left out.
-
-        From the start that a screen gives, a refit of a simple law may stop short where a law with more parameters
-        finds its way round; from that law's values it does not.
-        """
-        latest = state.accepted[-1]
-        effect = next((e for e in state.plant.effects if (e.kind, e.site) == latest.name), None)
-        if effect is None:
-            return state
-        rest = tuple(e for e in state.plant.effects if e is not effect)
-        for kind, values in simpler_laws(effect):
-            if any((e.kind, e.site) == (kind, effect.site) for e in rest):
-                continue
-            self.progress(f"trying {kind.replace('_', ' ')} instead")
-            plant = _settled(Plant(state.plant.bridge, (*rest, make_effect(kind, effect.site, values))))
-            simple = Candidate(kind, effect.site, {}, tuple(k for k in values if k != "knots"), False)
-            found = self.polish(plant, state.known, state.initial, (*state.accepted[:-1], simple))
-            if found.cross_validated < state.cross_validated * (1 + SUPERFLUOUS):
-                return found
-        return state
-
-    def prune(self, state: State) -> State:
-        """Drops accepted explanations that the others have made superfluous, the latest first.
-
-        What stays is kept with the cost that the model has without it.
-        """
-        costs: dict[tuple[str, str], float] = {}
-        for candidate in reversed(state.accepted):
-            if len(state.accepted) == 1:
-                break
-            self.progress(f"trying without {candidate.kind.replace('_', ' ')}")
-            plant, known = self._without(state, candidate)
-            kept = tuple(a for a in state.accepted if a is not candidate)
-            without = self.polish(plant, known, state.initial, kept)
-            if without.cost < state.cost * (1 + SUPERFLUOUS):
-                state = without
-            else:
-                costs[candidate.name] = without.cost
-        return dataclasses.replace(state, without=costs)
-
-    def _without(self, state: State, candidate: Candidate) -> tuple[Plant, frozenset[str]]:
-        """The state's plant without an accepted explanation, and what is known then."""
-        if candidate.kind == WRONG_VALUE:
-            given = getattr(self.given.bridge, candidate.site)
-            bridge = dataclasses.replace(state.plant.bridge, **{candidate.site: given})
-            return Plant(bridge, state.plant.effects), state.known | {candidate.site}
-        rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
-        return Plant(state.plant.bridge, rest), state.known
-
-    def curve(self, state: State) -> State | None:
-        """The model with a force without a name, on the axis where that explains most; None if it explains little."""
-        scene = scene_of(self.setting, state.plant)
-        seeds = unnamed_forces(self.setting, scene)
-        self.progress("fitting a force without a name")
-
-        def one(seed: Candidate) -> Trial:
-            engine, vector, free = self._with(state, seed)
-            return self._refit(state, [seed], engine, seed.set(engine.table, vector)[None], free)
-
-        best = min(self._each(one, seeds), key=lambda t: t.cost)
-        if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:
-            return None
-        return State(**best.shared(), accepted=state.accepted)
-
-    def _each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
+    def each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""
         with ThreadPoolExecutor(2) as pool:
             return list(pool.map(work, items))
 
-    def _with(self, state: State, candidate: Candidate) -> tuple[Engine, NDArray[np.float64], NDArray[np.int64]]:
+    def extended(self, state: State, candidate: Candidate) -> tuple[Engine, NDArray[np.float64], NDArray[np.int64]]:
         """The state's model with a candidate's effect added, its parameters, and where the state's free ones stand."""
         plant = state.plant
         if candidate.kind != WRONG_VALUE:
@@ -266,7 +166,7 @@ class Search:
         names = [state.engine.table.entry(int(p)).name for p in state.free]
         return engine, vector, np.array([engine.table.positions(name)[0] for name in names], np.int64)
 
-    def _refit(
+    def refit_rows(
         self,
         state: State,
         seeds: list[Candidate],
@@ -359,10 +259,10 @@ def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, v
     if candidate.kind != WRONG_VALUE:
         keep.add(candidate.name)
     effects = tuple(e for e in fitted.effects if (e.kind, e.site) in keep)
-    return _settled(Plant(fitted.bridge, effects))
+    return settled(Plant(fitted.bridge, effects))
 
 
-def _settled(plant: Plant) -> Plant:
+def settled(plant: Plant) -> Plant:
     """The same plant with levels that two frictions have in common counted once."""
     own = ParameterTable(plant)
     return own.unravel(settle_levels(own, np.array(own.ravel(plant))))
@@ -407,19 +307,3 @@ def with_simpler(chosen: list[Screened], ranked: Sequence[Screened]) -> list[Scr
     sites = {item.candidate.site for item in chosen if item.candidate.kind in ADDED_LEVELS}
     plain = [item for item in ranked if item.candidate.kind == "coulomb_friction" and item.candidate.site in sites]
     return chosen + [item for item in plain if item.candidate.name not in names]
-
-
-def _few(recordings: Sequence[Any]) -> tuple:
-    """The two shortest recordings."""
-    return tuple(sorted(recordings, key=lambda r: r.duration)[:2])
-
-
-@dataclasses.dataclass
-class _Contest:
-    """The winner among one effect's seeds."""
-
-    cost: float
-    candidate: Candidate
-    engine: Engine
-    vector: NDArray[np.float64]
-    free: NDArray[np.int64]

@@ -90,6 +90,7 @@ def base_fit(
     *,
     seed: int = 0,
     starts: int = _STARTS,
+    thorough: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> BaseFit:
     """Fits everything that is not known to the training recordings.
@@ -100,6 +101,7 @@ def base_fit(
         setting: recordings and noise.
         seed: of the further starts.
         starts: number of starts, the given one included.
+        thorough: whether whole recordings are fitted from every start where windows alone do not lead to them.
         progress: told what goes on.
     """
     engine = Engine(plant)
@@ -113,19 +115,26 @@ def base_fit(
     if progress is not None:
         progress("fitting the model to short windows")
     short = solve(engine, windows, start[None], [free], columns=columns, iterations=15)
+    others = [start]
     if starts > 1 and len(free) and chi(short.cost[0], windows) > _POOR:
         rng = np.random.default_rng(seed)
-        rows = np.repeat(start[None], starts, axis=0)
-        rows[0] = short.vectors[0]
+        # A first fit may have ended where friction holds everything and no slope leads out, so the given numbers
+        # serve as well.
+        rows = np.stack([(start, short.vectors[0])[i % 2] for i in range(starts - 1)])
         factors = np.exp(_SPREAD * rng.uniform(-1, 1, (starts - 1, len(free))))
-        rows[1:, free] = np.clip(rows[1:, free] * factors, low[free], high[free])
+        rows[:, free] = np.clip(rows[:, free] * factors, low[free], high[free])
         tries = [
-            solve(engine, windows, row[None], [free], columns=columns, iterations=8, tolerance=1e-2) for row in rows[1:]
+            solve(engine, windows, row[None], [free], columns=columns, iterations=8, tolerance=1e-2) for row in rows
         ]
+        others += [fits.vectors[0] for fits in (short, *tries)]
         short = min([short, *tries], key=lambda fits: float(fits.cost[0]))
     if progress is not None:
         progress("fitting the model to whole recordings")
     fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)
+    if thorough and chi(fits.cost[0], whole) > _POOR * max(chi(short.cost[0], windows), 1.0):
+        # Where friction holds what should move, a window tells little and a slope nothing.
+        tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=25) for other in others]
+        fits = min([fits, *tries], key=lambda fits: float(fits.cost[0]))
     return BaseFit(
         engine,
         free,

@@ -37,7 +37,7 @@ def fit(
     begun = time.perf_counter()
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
-    base = base_fit(plant, model.known, setting, progress=progress)
+    base = base_fit(plant, model.known, setting, thorough=True, progress=progress)
     table = base.engine.table
     width = columns_for(len(base.free))
     cov = covariance(

@@ -24,6 +24,11 @@ HISTORY = 0.6
 _START = 0.15
 """Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
 
+_STILL = 4.0
+"""Range over noise of a channel's first samples up to which it starts at rest."""
+_REST = 0.5
+"""Time [s] of rest at a recording's start that leaves no doubt of it; a load hardly swinging may be still for less."""
+
 
 class Lanes(eqx.Module):
     """A batch of lanes with what was measured on them."""
@@ -236,4 +241,11 @@ def _first_state(
         noise = sigma[axis]
         tight[k] = 1.0 / (20.0 * noise + 1e-4)
         tight[k + 3] = 1.0 / (200.0 * noise / _START + 0.05)
+        if np.ptp(g.y[near, k]) <= _STILL * noise and since[-1] >= 0.5 * _START:
+            # Where friction holds a rig at rest, a free initial velocity would be a way around it.
+            state[k], state[k + 3] = np.mean(g.y[near, k]), 0.0
+            tight[[k, k + 3]] = 2.0 / (_STILL * noise), 2.0 * _START / (_STILL * noise)
+            longer = rows[g.times[rows] <= g.times[rows[0]] + _REST]
+            if a == 0 and axis != "psi" and np.ptp(g.y[longer, k]) <= _STILL * noise:
+                tight[k + 3] = np.inf
     return state, tight

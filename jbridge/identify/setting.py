@@ -146,7 +146,8 @@ def lanes_for(
         size=table.size,
         overrides=overrides(table, recordings),
         hidden=hidden,
-        history=max(HISTORY, _memory(plant)),
+        # A lag may grow beyond what was recorded, its inputs may not.
+        history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         like=like,
     )
 

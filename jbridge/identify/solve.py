@@ -18,6 +18,9 @@ from .linearise import Engine, Gram
 _START_DAMPING = 1e-3
 _MOST_DAMPING = 1e8
 _BEFORE_DROP = 4
+_REACH = 3.0
+"""How far an initial value may move from its first guess, in standard deviations of its prior. A model that is far off
+would put its errors there: against hundreds of samples the prior alone counts for nothing."""
 
 
 @dataclasses.dataclass
@@ -172,6 +175,9 @@ def solve(
     # A start that runs away has no tangents to go by.
     active = np.array([np.isfinite(own).all() for own in products])
     quiet = np.zeros(rows, int)
+    room = np.where(np.isfinite(batch.prior), _REACH / np.where(batch.prior > 0, batch.prior, 1.0), 0.0)
+    room[batch.prior == 0] = np.inf
+    least, most = batch.initial - room, batch.initial + room
     done = 0
     for done in range(1, iterations + 1):
         chosen = np.flatnonzero(active)
@@ -180,11 +186,18 @@ def solve(
         trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
-            reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, batch.prior, damping[r])
-            step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
+            prior = batch.prior
+            for _ in range(2):
+                reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, prior, damping[r])
+                step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
+                moved = reduced.back @ step + reduced.shift
+                leaving = ((initial[r] <= least) & (moved < 0)) | ((initial[r] >= most) & (moved > 0))
+                if not leaving.any():
+                    break
+                prior = np.where(leaving, np.inf, prior)
             trial_v[j, f] += step
-            moved = reduced.back @ step + reduced.shift
-            trial_i[j] += moved
+            trial_i[j] = np.clip(initial[r] + moved, least, most)
+            moved = trial_i[j] - initial[r]
             foreseen[j] = _foreseen(products[r], step, moved, columns)
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
@@ -194,7 +207,7 @@ def solve(
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
                 fell = products[r, :, -1, -1].sum() - gram.products[j, :, -1, -1].sum()
-                ratio = fell / max(foreseen[j], 1e-300)
+                ratio = fell / foreseen[j] if foreseen[j] > 1e-9 * abs(fell) else np.inf
                 products[r], predicted[r] = gram.products[j], gram.predicted[j]
                 # The less a step keeps of what the linear model promised, the less the next one may trust it.
                 damping[r] = np.clip(damping[r] * (0.1 if ratio > 0.75 else 1.0 if ratio > 0.25 else 3.0), 1e-9, None)

@@ -119,7 +119,7 @@ class ActuatorLag(AbstractEffect):
     kind: ClassVar[str] = "actuator_lag"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
     sentence: ClassVar[str] = "a lag of the {axis}: it answers gradually"
-    time_constant: Scalar = parameter("s", "time constant", low=0.0)
+    time_constant: Scalar = parameter("s", "time constant", low=0.0, high=2.0)
     site: str = eqx.field(static=True)
 
     @classmethod

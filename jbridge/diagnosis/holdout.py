@@ -1,0 +1,47 @@
+"""A hold-out taken from the recordings themselves where none was given."""
+
+import dataclasses
+from collections.abc import Sequence
+
+from ..errors import InputError
+from ..recordings import Recording
+
+
+def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
+    """The last quarter of the recordings, or of the time of a single one, as hold-out."""
+    if len(recordings) > 1:
+        count = max(1, len(recordings) // 4)
+        names = ", ".join(r.name for r in recordings[-count:])
+        return (
+            tuple(recordings[:-count]),
+            tuple(recordings[-count:]),
+            f"No hold-out was given: {names} took no part in the choice and serves as one.",
+        )
+    only = recordings[0]
+    cut = int(0.75 * len(only.times))
+    if min(cut, len(only.times) - cut) < 50:
+        raise InputError(
+            f"{only.name}: {len(only.times)} rows are too few to keep a quarter of them as hold-out; "
+            "record longer, or give another recording with --holdout"
+        )
+    return (
+        (_rows(only, slice(None, cut)),),
+        (_rows(only, slice(cut, None)),),
+        f"There is one recording: its last quarter, from {only.times[cut] - only.times[0]:.3g} s, took no part in the "
+        "choice and serves as hold-out.",
+    )
+
+
+def _rows(recording: Recording, rows: slice) -> Recording:
+    arrays = {
+        name: getattr(recording, name)[rows]
+        for name in ("u_x", "u_l", "x", "psi", "l")
+        if getattr(recording, name) is not None
+    }
+    return dataclasses.replace(
+        recording,
+        times=recording.times[rows],
+        fresh={name: flag[rows] for name, flag in recording.fresh.items()},
+        extras={name: values[rows] for name, values in recording.extras.items()},
+        **arrays,
+    )

@@ -1,0 +1,69 @@
+"""Effects with a hidden state, which no linear screen can weigh: their seeds compete by simulation."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.base import WINDOW, columns_for, measurements
+from ..identify.linearise import Engine
+from ..identify.setting import lanes_for, scene_of
+from ..identify.solve import solve
+from ..recordings import Recording
+from .candidates import Candidate, candidates
+from .search import Search
+from .trials import State, Trial
+
+_PROMISING = 0.8
+"""Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
+
+
+@dataclasses.dataclass
+class _Contest:
+    """The winner among one effect's seeds."""
+
+    cost: float
+    candidate: Candidate
+    engine: Engine
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+
+
+def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
+    """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
+    scene = scene_of(search.setting, state.plant)
+    found: dict[tuple[str, str], list[Candidate]] = {}
+    for c in candidates(state.plant, state.known, search.setting, scene):
+        if c.unscreened and only in (None, c.name):
+            found.setdefault(c.name, []).append(c)
+    search.progress(f"refitting {len(found)} explanations with a hidden state")
+
+    few = _few(search.setting.recordings)
+    lanes = lanes_for(state.engine.table, state.plant, search.setting, few, WINDOW)
+    width = columns_for(len(state.free))
+    without = solve(state.engine, lanes, state.vector[None], [state.free], columns=width, iterations=5, tolerance=1e-2)
+
+    def contest(seeds: list[Candidate]) -> _Contest:
+        engine, vector, free = search.extended(state, seeds[0])
+        rows = np.array([seed.set(engine.table, vector) for seed in seeds])
+        frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
+        batch = lanes_for(engine.table, engine.table.unravel(rows[0]), search.setting, few, WINDOW)
+        tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)
+        best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
+        return _Contest(
+            float(np.nan_to_num(tries.cost[best], nan=np.inf)), seeds[best], engine, tries.vectors[best], free
+        )
+
+    # Seeds compete on windows of a few recordings; only what wins there is taken through all of them.
+    winners = sorted(search.each(contest, list(found.values())), key=lambda w: w.cost)
+    # Where little is left, half of what exceeds the noise counts as much as a share of the whole.
+    least = float(without.cost[0])
+    enough = max(_PROMISING * least, least - 0.5 * max(least - measurements(lanes), 0.0))
+    winners = [w for w in winners if w.cost < enough][:2]
+    return search.each(lambda w: search.refit_rows(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
+
+
+def _few(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The two shortest recordings."""
+    return tuple(sorted(recordings, key=lambda r: r.duration)[:2])

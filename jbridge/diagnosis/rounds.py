@@ -1,0 +1,182 @@
+"""One explanation after the other: which round tries what, which is taken, and when enough is explained."""
+
+import dataclasses
+from collections.abc import Sequence
+
+from ..identify.base import BaseFit, measurements
+from ..identify.setting import lanes_for
+from .adequacy import LARGE, LEARNABLE
+from .mechanisms import mechanisms
+from .revise import SUPERFLUOUS, prune, simplify
+from .screen import Screen
+from .search import Search, state_of
+from .tell import HOLDS, Step
+from .trials import State, Trial, accepts, held
+
+MOST_EFFECTS = 6
+MOST_WITH_MECHANISMS = 2
+"""Effects after which those with a hidden state, which take longest to try, are tried no more."""
+DRIFTING = 25.0
+"""Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
+NEAR = 1.15
+"""Error over noise below which a further effect is not looked for."""
+CLOSE = 1.05
+"""Error over noise below which even effects with a hidden state have nothing left to explain."""
+NONLINEAR = 3.0
+"""Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
+MOST = 0.5
+"""Least share of the excess that an effect must explain where the model is already adequate."""
+STRONG = 0.1
+"""Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
+it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Explained:
+    """What a search accepted, and how much of the missing forces other recordings foresee."""
+
+    state: State
+    steps: list[Step]
+    learnable: float
+    learnable_after: float
+    last: tuple[Screen | None, list[Trial]]
+    """The last round, in which nothing more was accepted."""
+
+
+def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
+    """Accepts one explanation after the other.
+
+    Args:
+        search: what can be tried.
+        base: the model as given, refitted.
+        mismatch: whether there is anything to explain.
+    """
+    known = search.known
+    state = state_of(base.engine, base.free_run, base.fits, known)
+    if search.window is not None:
+        start = base.engine.table.unravel(base.window_vector)
+        guess = lanes_for(base.engine.table, start, search.setting, search.setting.recordings, search.window).initial
+        state = search.polish(start, known, guess, ())
+    first = state, search.window
+    steps: list[Step] = []
+    if not mismatch:
+        return Explained(state, steps, 0.0, 0.0, (None, []))
+    learnable, after = 0.0, 0.0
+    last: tuple[Screen | None, list[Trial]] = (None, [])
+    for _ in range(MOST_EFFECTS):
+        screened, trials = _weigh(search, state)
+        after = screened.learnable
+        if not steps:
+            learnable = screened.learnable
+        last = (screened, trials)
+        # What a linear screen could not foresee must prove itself the more by simulation.
+        least = HOLDS if after >= LEARNABLE else LEARNABLE
+        if state.worst < LARGE:
+            # What no longer raises an alarm needs a further effect only if that explains most of it.
+            least = MOST
+        reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+        passed = [t for t in trials if not reasons[t.candidate.name]]
+        if not passed:
+            break
+        chosen = passed[0]
+        share = min(held(state, chosen), 1.0)
+        if not steps:
+            learnable = max(learnable, share)
+        search.progress(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
+        state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
+        steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
+        state = simplify(search, state)
+        steps[-1] = _as_simplified(steps[-1], state)
+        after = 0.0
+        if search.window is not None:
+            state = _back_to_free_runs(search, state)
+        if len(steps) > 1 and chosen.candidate.unscreened:
+            state, steps = _alone(search, first, state, steps)
+        if state.chi < NEAR and state.worst < LARGE:
+            break
+    else:
+        after = learnable
+    if len(steps) > 1:
+        state = prune(search, state)
+        steps = _by_gap_closed(steps, state)
+    if steps and search.window is not None:
+        # Parameters are sharpest, and errors are reported, on whole recordings.
+        state = _back_to_free_runs(search, state)
+    return Explained(state, steps, learnable, after, last)
+
+
+def _as_simplified(step: Step, state: State) -> Step:
+    """The step with the law that was accepted in the end, with its fit in place of the refit that stopped short."""
+    final = state.accepted[-1]
+    if final.name == step.chosen.candidate.name:
+        return step
+    extra = sum(state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@") for place in state.free)
+    simple = Trial(**state.shared(), candidate=final, z=step.chosen.z, extra=extra)
+    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
+    refused = {name: why for name, why in step.refused.items() if name != final.name}
+    refused[step.chosen.candidate.name] = "a simpler law explains as much"
+    return Step(step.number, simple, trials, refused)
+
+
+def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:
+    """Steps whose effects were kept, first that without which the model would be worst."""
+    kept = {candidate.name for candidate in state.accepted}
+    left = [step for step in steps if step.chosen.candidate.name in kept]
+    return sorted(left, key=lambda step: -state.without.get(step.chosen.candidate.name, 0.0))
+
+
+def _alone(
+    search: Search, first: tuple[State, float | None], state: State, steps: list[Step]
+) -> tuple[State, list[Step]]:
+    """An effect with a hidden state in place of all that was accepted before it, if it explains as much.
+
+    What it does may have been explained piecemeal, and from there a fit does not find the way back.
+    """
+    begin, window = first
+    outer, search.window = search.window, window
+    trials = mechanisms(search, begin, steps[-1].chosen.candidate.name)
+    alone = None
+    if trials:
+        trial = trials[0]
+        alone = search.polish(trial.plant, trial.known, trial.initial, (trial.candidate,))
+        if search.window is not None:
+            alone = _back_to_free_runs(search, alone)
+    same = alone is not None and measurements(alone.batch) == measurements(state.batch)
+    if alone is None or not same or alone.cost > state.cost * (1 + SUPERFLUOUS):
+        search.window = outer
+        return state, steps
+    others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]
+    ranked = sorted([trials[0], *others], key=lambda t: t.score)
+    refused = {name: why for name, why in steps[0].refused.items() if name != trials[0].candidate.name}
+    return alone, [Step(1, trials[0], ranked, refused)]
+
+
+def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
+    """Refits what is promising, looking the closer the less that explains."""
+    screened = search.look(state)
+    trials = search.refit(state, screened)
+    if search.window is None and state.chi > NONLINEAR and not _explained(trials, NEAR):
+        screened = search.look_closer(state, screened)
+        trials += search.refit(state, screened, trials)
+    elif not _explained(trials, LARGE):
+        trials += search.refit(state, screened, trials)
+    strong = any(t.cost < STRONG * state.cost for t in trials)
+    if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
+        trials += mechanisms(search, state)
+    return screened, sorted(trials, key=lambda t: t.score)
+
+
+def _explained(trials: Sequence[Trial], ratio: float) -> bool:
+    """Whether some trial leaves little more than noise."""
+    return any(t.cost < ratio**2 * measurements(t.batch) for t in trials)
+
+
+def _back_to_free_runs(search: Search, state: State) -> State:
+    """Whole recordings again, once the model has become good enough for them."""
+    windows, search.window = search.window, None
+    guess = lanes_for(state.engine.table, state.plant, search.setting, search.setting.recordings).initial
+    whole = search.polish(state.plant, state.known, guess, state.accepted)
+    if whole.chi < DRIFTING:
+        return whole
+    search.window = windows
+    return state
