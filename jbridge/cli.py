@@ -39,8 +39,7 @@ Finds out why recordings and simulation differ: whether the model lacks
 anything, where, and what it is.
 
 DIR receives report.html (to look at), report.json (the same in numbers),
-model.toml (the model with what was found), the figures and, where recordings
-cannot decide, the input to play next.
+model.toml (the model with what was found) and the figures.
 
 Recordings behind --holdout are opened once, after the model is frozen, and
 prove it; without them the last quarter of the recordings plays that part.
@@ -119,7 +118,7 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
 
 def _fit(arguments: argparse.Namespace, progress: "_Progress") -> None:
     model, recordings, holdout = _load(arguments, progress)
-    result = jbridge.fit(model, recordings, holdout, progress=progress)
+    result = jbridge.fit(model, recordings, holdout, window=arguments.window, progress=progress)
     progress("drawing")
     jbridge.save_fit(arguments.out, result)
     progress.clear()
@@ -255,6 +254,12 @@ def _parser() -> _Parser:
     fit = _command(commands, "fit", "the model's unknown numbers, from recordings", _FIT, _fit)
     fit.epilog = "example:\n  jbridge fit model.toml monday-*.csv --holdout tuesday-1.csv --out fitted"
     _add_recordings(fit)
+    fit.add_argument(
+        "--window",
+        metavar="SECONDS",
+        type=float,
+        help="fit windows of this length, each from a start of its own, where whole recordings drift apart by luck",
+    )
     diagnose = _command(commands, "diagnose", "why recordings and simulation differ", _DIAGNOSE, _diagnose)
     diagnose.epilog = "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report"
     _add_recordings(diagnose)

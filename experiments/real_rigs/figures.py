@@ -100,8 +100,8 @@ def table(kept: dict) -> str:
             "",
             f"## {AAU}: the friction map beside the published table",
             "",
-            "A fit of Coulomb friction by place and direction, knots every 60 mm. Cart mass"
-            f" {found['cart_mass']:.2f} kg (published 6.28 kg).",
+            f"A fit of Coulomb friction by place and direction in windows of {found['window']:g} s, knots every 60 mm."
+            f" Cart mass {found['cart_mass']:.2f} kg (published 6.28 kg).",
             "",
             "| direction | mean of found - published [N] | rms [N] | correlation along the rail |",
             "|---|---|---|---|",

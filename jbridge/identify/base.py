@@ -45,12 +45,14 @@ class BaseFit:
     window_vector: NDArray[np.float64]
     vector: NDArray[np.float64]
     fits: Fits
-    """The free-run fit, one row."""
+    """The fit to `fitted`, one row."""
+    fitted: Batch
+    """What was fitted in the end: whole recordings, or windows where those were asked for."""
 
     @property
     def chi(self) -> float:
-        """The same for free runs."""
-        return chi(self.fits.cost[0], self.free_run)
+        """Error over noise of `fits`."""
+        return chi(self.fits.cost[0], self.fitted)
 
 
 def chi(cost: float, batch: Batch) -> float:
@@ -91,6 +93,7 @@ def base_fit(
     seed: int = 0,
     starts: int = _STARTS,
     thorough: bool = False,
+    window: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> BaseFit:
     """Fits everything that is not known to the training recordings.
@@ -102,13 +105,14 @@ def base_fit(
         seed: of the further starts.
         starts: number of starts, the given one included.
         thorough: whether whole recordings are fitted from every start where windows alone do not lead to them.
+        window: length of the windows that are fitted in place of whole recordings [s]; None fits whole recordings.
         progress: told what goes on.
     """
     engine = Engine(plant)
     table = engine.table
     free = free_places(table, known, setting)
     start = np.array(table.ravel(plant), dtype=float)
-    windows = lanes_for(table, plant, setting, setting.recordings, WINDOW)
+    windows = lanes_for(table, plant, setting, setting.recordings, window or WINDOW)
     whole = lanes_for(table, plant, setting, setting.recordings)
     columns = columns_for(len(free))
     low, high = table.bounds()
@@ -128,6 +132,9 @@ def base_fit(
         ]
         others += [fits.vectors[0] for fits in (short, *tries)]
         short = min([short, *tries], key=lambda fits: float(fits.cost[0]))
+    if window is not None:
+        fits = solve(engine, windows, short.vectors, [free], columns=columns, iterations=25)
+        return BaseFit(engine, free, whole, windows, fits.vectors[0], fits.vectors[0], fits, windows)
     if progress is not None:
         progress("fitting the model to whole recordings")
     fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)
@@ -143,4 +150,5 @@ def base_fit(
         short.vectors[0],
         fits.vectors[0],
         fits,
+        whole,
     )

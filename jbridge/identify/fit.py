@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
+from ..errors import InputError
 from ..model.files import Model
 from ..recordings import Recording
 from .base import WINDOW, base_fit, columns_for
@@ -18,6 +19,7 @@ def fit(
     recordings: Sequence[Recording],
     holdout: Sequence[Recording] = (),
     *,
+    window: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimates every parameter that is not known, from all recordings together.
@@ -26,18 +28,28 @@ def fit(
         model: structure, start values and what is known.
         recordings: measured runs.
         holdout: further runs, used only to state errors.
+        window: fits windows of this length [s], each from a state of its own, in place of whole recordings. Where a
+            free run measures luck (a motor in current mode is a double integrator, a creeping one may stick or not),
+            short windows tell the forces more truly.
         progress: told what goes on, a short text at a time.
 
     Returns:
         The fitted model with 95 % intervals and free-run errors.
 
     Raises:
-        InputError: model and recordings do not go together.
+        InputError: model and recordings do not go together, or the window is shorter than ten samples.
     """
     begun = time.perf_counter()
+    notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
     setting = make_setting(model, recordings, holdout)
+    for recording in recordings:
+        if window is not None and not window >= 10 * recording.period:
+            raise InputError(
+                f"{recording.name}: a window of {window:g} s is shorter than ten of its samples "
+                f"({10 * recording.period:.3g} s); give a longer one"
+            )
     plant = resolve(model.plant, setting.length)
-    base = base_fit(plant, model.known, setting, thorough=True, progress=progress)
+    base = base_fit(plant, model.known, setting, thorough=True, window=window, progress=progress)
     table = base.engine.table
     width = columns_for(len(base.free))
     cov = covariance(
@@ -46,7 +58,7 @@ def fit(
         len(base.free),
         width,
         base.fits.initial[0],
-        base.free_run,
+        base.fitted,
     )
     fitted = table.unravel(base.vector)
     named = type(table)(fitted, setting.units)
@@ -73,7 +85,7 @@ def fit(
         None if hold_after is None else hold_after.errors,
         setting.noise,
         tuple(warnings(named, base.vector, base.free, cov)),
-        tuple(dict.fromkeys(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)),
+        tuple(dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))),
         shown,
         WINDOW,
         time.perf_counter() - begun,

@@ -92,6 +92,19 @@ def test_a_gain_without_an_input_is_refused():
         fit(cart_model(), [still])
 
 
+def test_windows_tell_as_much_where_starts_are_unknown():
+    """Half a second at a time, each from a start of its own: the truth all the same, less sharply."""
+    truth = cart_model(DRY, DEAD, cart_damping=50.0, cart_gain=15.0)
+    found = fit(scaled(truth, WRONG), cart_recordings(TRUTH, 2), window=0.5)
+    for name in FREE:
+        e = found.estimates[name]
+        assert abs(e.value - values(TRUTH)[name]) < 4 * e.std, name
+        assert e.std < 0.1 * values(TRUTH)[name], name
+    assert found.notes[0] == "Fitted to windows of 0.5 s, not to whole recordings."
+    with pytest.raises(InputError, match=r"run-1.csv: a window of 0.05 s is shorter than ten of its samples \(0.1 s\)"):
+        fit(truth, cart_recordings(TRUTH, 2), window=0.05)
+
+
 @pytest.mark.slow
 def test_recovery_on_another_engine_with_true_stick_slip(monkeypatch):
     """The bridge with winch, dry friction on both axes, dead zones and lag, as another engine moves it."""
