@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from jbridge.collect import Every as Every
     from jbridge.collect import Everything as Everything
     from jbridge.control.base import Reference as Reference
+    from jbridge.control.extended import extended_controller as extended_controller
     from jbridge.control.files import Controller as Controller
     from jbridge.control.files import load_controller as load_controller
     from jbridge.control.files import save_controller as save_controller
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
     from jbridge.report.terminal import describe_fit as describe_fit
     from jbridge.report.tracking import describe_tracking as describe_tracking
     from jbridge.report.tracking import save_tracking as save_tracking
+    from jbridge.report.tuning import describe_tuning as describe_tuning
+    from jbridge.report.tuning import save_tuning as save_tuning
     from jbridge.rollout import play as play
     from jbridge.signals import Path as Path
     from jbridge.signals import smooth_path as smooth_path
@@ -61,6 +64,8 @@ if TYPE_CHECKING:
     from jbridge.sweep.spec import load_sweep as load_sweep
     from jbridge.tracking import Tracking as Tracking
     from jbridge.tracking import track as track
+    from jbridge.tune.tune import Tuning as Tuning
+    from jbridge.tune.tune import tune as tune
 
 __version__: str
 
@@ -85,12 +90,15 @@ _HOMES = {
     "Sweep": "sweep.spec",
     "SweepResult": "sweep.run",
     "Tracking": "tracking",
+    "Tuning": "tune.tune",
     "check_output": "report.files",
     "closed_loop": "loop",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
     "describe_tracking": "report.tracking",
+    "describe_tuning": "report.tuning",
     "diagnose": "diagnosis.diagnose",
+    "extended_controller": "control.extended",
     "fit": "identify.fit",
     "idle_parts": "fuzzy.check",
     "join": "sweep.processes",
@@ -115,9 +123,11 @@ _HOMES = {
     "save_paper": "report.paper",
     "save_report": "report.save",
     "save_tracking": "report.tracking",
+    "save_tuning": "report.tuning",
     "simulate": "prediction",
     "smooth_path": "signals",
     "track": "tracking",
+    "tune": "tune.tune",
     "with_values": "model.parameters",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
@@ -143,12 +153,15 @@ __all__ = [
     "Sweep",
     "SweepResult",
     "Tracking",
+    "Tuning",
     "check_output",
     "closed_loop",
     "describe_diagnosis",
     "describe_fit",
     "describe_tracking",
+    "describe_tuning",
     "diagnose",
+    "extended_controller",
     "fit",
     "idle_parts",
     "join",
@@ -173,10 +186,12 @@ __all__ = [
     "save_paper",
     "save_report",
     "save_tracking",
+    "save_tuning",
     "set_up",
     "simulate",
     "smooth_path",
     "track",
+    "tune",
     "with_values",
 ]
 

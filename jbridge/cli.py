@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose, control, sweep, figures.
+"""The command `jbridge`: simulate, fit, diagnose, control, tune, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -52,6 +52,16 @@ Without --controller the paper's two fuzzy controllers are used, without
 --reference the paper's moves. DIR receives control.html (to look at),
 control.json (the same in numbers), run.csv (the run as a recording), the
 figures, and controller.toml (the controller, to change and use again).
+"""
+_TUNE = """\
+Makes a fuzzy controller better: moves its sets, scales and rule weights by
+gradients through simulated moves on many bridges about a model, and compares
+on further bridges and moves.
+
+Without --controller the rules named by --rules are tuned: the paper's, or the
+extended ones, in which velocity and swing angle act. DIR receives
+controller.toml (tuned, for jbridge control), tune.html (to look at), tune.json
+(the same in numbers) and the figures.
 """
 _SWEEP = """\
 Runs a controller on many bridges: every point of a grid or of a sample of
@@ -154,6 +164,32 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_tracking(arguments.out, tracking, controller)
     progress.clear()
     print(jbridge.describe_tracking(tracking, arguments.out), end="")
+
+
+def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    given = [path for path in (arguments.model, arguments.controller) if path]
+    jbridge.check_output(arguments.out, folder=True, inputs=given)
+    progress("reading")
+    jbridge.set_up(arguments.cache, whole_loops=True)
+    model = jbridge.load_model(arguments.model)
+    if arguments.controller:
+        controller = jbridge.load_controller(arguments.controller)
+    else:
+        rules = {"paper": jbridge.paper_controller, "extended": jbridge.extended_controller}
+        controller = jbridge.Controller(rules[arguments.rules]())
+    tuning = jbridge.tune(
+        model,
+        controller,
+        plants=arguments.plants,
+        steps=arguments.steps,
+        starts=arguments.starts,
+        seed=arguments.seed,
+        progress=progress,
+    )
+    progress("drawing")
+    jbridge.save_tuning(arguments.out, tuning)
+    progress.clear()
+    print(jbridge.describe_tuning(tuning, arguments.out), end="")
 
 
 def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -269,6 +305,16 @@ def _parser() -> _Parser:
     control.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller; the paper's by default")
     control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
     control.add_argument("--out", metavar="DIR", required=True, help=_OUT)
+    tune = _command(commands, "tune", "a controller made better by gradients", _TUNE, _tune)
+    tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
+    tune.add_argument("model", metavar="MODEL.toml", help=_MODEL)
+    tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
+    tune.add_argument("--rules", choices=("paper", "extended"), default="paper", help="otherwise (%(default)s)")
+    tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
+    tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
+    tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
+    tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
+    tune.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
@@ -282,7 +328,7 @@ def _parser() -> _Parser:
         "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"
     )
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
-    for command in (simulate, fit, diagnose, control, sweep, figures):
+    for command in (simulate, fit, diagnose, control, tune, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
         )

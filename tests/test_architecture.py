@@ -25,7 +25,7 @@ LAYERS = (
     {"control", "inputs"},
     {"rollout"},
     {"loop", "prediction"},
-    {"tracking"},
+    {"summaries", "tracking"},
     {"identify"},
     {"diagnosis", "tune"},
     {"sweep"},

@@ -44,8 +44,9 @@ def calls(monkeypatch):
     seen = {}
 
     def compute(name, result):
-        def computed(model, recordings, holdout=(), *, progress=None):
+        def computed(model, recordings, holdout=(), *, progress=None, **options):
             seen[name] = (model, [each.name for each in recordings], [each.name for each in holdout])
+            seen["options"] = options
             progress("half way")
             return result
 
@@ -75,6 +76,9 @@ def test_diagnose_saves_and_says(rig, calls, capsys):
 def test_fit_saves_and_says(rig, calls, capsys):
     assert main(["fit", "model.toml", "a.csv", "--out", "out"]) == 0
     assert calls["fit"][1:] == (["a.csv"], [])
+    assert calls["options"] == {"window": None}
+    assert main(["fit", "model.toml", "a.csv", "--window", "0.5", "--out", "out"]) == 0
+    assert calls["options"] == {"window": 0.5}
     assert {path.name for path in (rig / "out").iterdir()} == {"fit.json", "fit.html", "model.toml"}
     assert "cart_gain" in capsys.readouterr().out
 

@@ -44,7 +44,7 @@ def _variable(name: str, limit: float, labels: str, sets: Sequence[AbstractMembe
     return Variable(name, as_number(-limit), as_number(limit), tuple(labels.split()), tuple(sets))
 
 
-def _error(small: float, big: float) -> Variable:
+def error_sets(small: float, big: float) -> Variable:
     """Five sets, condensed around zero: `small` where ZE ends and NS, PS peak, `big` where NB, PB begin to hold."""
     return _variable(
         "error",
@@ -60,7 +60,8 @@ def _error(small: float, big: float) -> Variable:
     )
 
 
-def _velocity() -> Variable:
+def velocity_sets() -> Variable:
+    """Three sets over the velocity [m/s]."""
     return _variable(
         "velocity",
         0.7,
@@ -69,7 +70,17 @@ def _velocity() -> Variable:
     )
 
 
-def _voltage(limit: float) -> Variable:
+def angle_sets() -> Variable:
+    """Three sets over the swing angle [degrees]."""
+    return _variable(
+        "angle",
+        45.0,
+        "N ZE P",
+        [_trapezoid(-45.0, -45.0, -20.0, -5.0), _bell(3.0, 0.0), _trapezoid(5.0, 20.0, 45.0, 45.0)],
+    )
+
+
+def voltage_sets(limit: float) -> Variable:
     """Five sets over the voltage, in parts of its limit."""
     full, most, half, third, small = (round(part * limit, 6) for part in (1.0, 0.9, 0.5, 0.3, 0.1))
     sets = [
@@ -84,21 +95,15 @@ def _voltage(limit: float) -> Variable:
 
 def cart_system() -> Mamdani:
     """Rules 1 to 9: error, velocity [m/s] and swing angle [degrees] to the cart's voltage [V]."""
-    angle = _variable(
-        "angle",
-        45.0,
-        "N ZE P",
-        [_trapezoid(-45.0, -45.0, -20.0, -5.0), _bell(3.0, 0.0), _trapezoid(5.0, 20.0, 45.0, 45.0)],
-    )
-    inputs = (_error(0.004, 0.08), _velocity(), angle)
-    output = _voltage(3.0)
+    inputs = (error_sets(0.004, 0.08), velocity_sets(), angle_sets())
+    output = voltage_sets(3.0)
     return Mamdani(inputs, (output,), tuple(rule(text, inputs, (output,)) for text in RULES))
 
 
 def hoist_system() -> Mamdani:
     """Rules 1 to 7: error and velocity [m/s] to the hoist's voltage [V]."""
-    inputs = (_error(0.004, 0.05), _velocity())
-    output = _voltage(10.0)
+    inputs = (error_sets(0.004, 0.05), velocity_sets())
+    output = voltage_sets(10.0)
     return Mamdani(inputs, (output,), tuple(rule(text, inputs, (output,)) for text in RULES[:7]))
 
 

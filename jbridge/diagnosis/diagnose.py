@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..identify.base import WINDOW, BaseFit, base_fit, columns_for
+from ..identify.base import WINDOW, BaseFit, base_fit, check_runs, columns_for
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.setting import Setting, make_setting, resolve
+from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
 from ..model.parameters import ParameterTable
@@ -38,7 +37,7 @@ from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
 from .search import Search
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State
-from .words import verdict_sentence
+from .words import Proof, verdict_sentence
 
 
 def diagnose(
@@ -72,12 +71,7 @@ def diagnose(
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
-    if not np.isfinite(base.fits.cost[0]):
-        names = ", ".join(r.name for r in recordings)
-        raise InputError(
-            f"{names}: the model's simulation runs away from these recordings; check the signs and units of the inputs "
-            "and the model's numbers"
-        )
+    check_runs(base, recordings)
     base_plant = base.engine.table.unravel(base.vector)
     width = columns_for(len(base.free))
     found = channels(base.free_run, base.fits.gram.predicted[0], setting.noise)
@@ -94,11 +88,11 @@ def diagnose(
     if large and p_value <= SIGNIFICANT and not repeating:
         tell("asking whether the missing force repeats")
         foreseen = _foreseen(base, setting, badly)
-        learnable, repeating = max(learnable, foreseen), foreseen >= FORESEEN
-    if steps and search.window is None and state.worst > LARGE and learnable_after < STILL_LEARNABLE:
-        predicted = np.asarray(state.engine.motions(state.vector, state.initial, state.batch)[1])
-        shares = repeating_share(state.plant, setting.recordings, state.batch, predicted, setting.noise)
-        learnable_after = max([learnable_after, *(shares.get(axis, 0.0) for axis in badly)])
+        learnable, repeating = max(np.nan_to_num(learnable), foreseen), foreseen >= FORESEEN
+    if not steps:
+        learnable_after = learnable
+    elif state.worst > LARGE and not learnable_after >= STILL_LEARNABLE:
+        learnable_after = max([np.nan_to_num(learnable_after), *_still_foreseen(state, setting, badly)])
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
     repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = force_without_a_name(search, state) if repeats else None
@@ -120,11 +114,14 @@ def diagnose(
     in_windows = search.window is not None
     proven = carries_over(runs[2].errors, runs[3].errors, setting.noise, windows=in_windows)
     unproven = bool(alarm and steps) and not proven
-    held_out = runs[3].errors.window if in_windows else runs[3].errors.free_run
+    measure = f"windows of {WINDOW:g} s" if in_windows else "free runs"
+    first, last = (
+        worst_ratio(run.errors.window if in_windows else run.errors.free_run, setting.noise) for run in runs[2:]
+    )
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     at = curved.plant.effects[-1].site if curved is not None else None
-    location = location_of(alarm, effects, steps, explained.last, shown, setting, at)
+    location = location_of(alarm, effects, steps, explained.screened, shown, setting, at)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
@@ -138,9 +135,11 @@ def diagnose(
         location,
         shown_before,
         left,
-        large,
+        Proof(first, last, measure),
+        large=large,
+        asked=p_value <= SIGNIFICANT,
         curve=curved is not None,
-        unproven=worst_ratio(held_out, setting.noise) if unproven and not still else None,
+        unproven=unproven and not still,
     )
     return Diagnosis(
         verdict,
@@ -160,7 +159,7 @@ def diagnose(
         WINDOW,
         tuple(r.name for r in setting.holdout),
         shown,
-        trials_of(steps, explained.last, state),
+        trials_of(steps, explained.refused),
         None,
         tuple(warnings(table, final_vector, final_free, cov)),
         tuple(dict.fromkeys(notes)),
@@ -181,7 +180,7 @@ def diagnose(
 
 
 def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
-    """Largest share of the missing force of some axes that other recordings foresee.
+    """Largest share of the missing force of some axes that other recordings foresee, for the model as given.
 
     On windows a missing force has pulled the parameters less far away than on whole recordings.
     """
@@ -189,6 +188,16 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
     predicted = np.asarray(base.engine.motions(base.window_vector, base.fits.initial[0], base.free_run)[1])
     shares = repeating_share(plant, setting.recordings, base.free_run, predicted, setting.noise)
     return max(shares.get(axis, 0.0) for axis in axes)
+
+
+def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> list[float]:
+    """The same with what was named in the model."""
+    whole = lanes_for(state.engine.table, state.plant, setting, setting.recordings)
+    same = whole.count == state.batch.count and np.array_equal(whole.recording, state.batch.recording)
+    initial = state.initial if same else whole.initial
+    predicted = np.asarray(state.engine.motions(state.vector, initial, whole)[1])
+    shares = repeating_share(state.plant, setting.recordings, whole, predicted, setting.noise)
+    return [shares.get(axis, 0.0) for axis in axes]
 
 
 def _covariance(state: State, base: BaseFit, accepted: bool) -> Any:

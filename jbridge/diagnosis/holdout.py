@@ -41,6 +41,7 @@ def _rows(recording: Recording, rows: slice) -> Recording:
     return dataclasses.replace(
         recording,
         times=recording.times[rows],
+        begun=recording.begun + float(recording.times[rows][0] - recording.times[0]),
         fresh={name: flag[rows] for name, flag in recording.fresh.items()},
         extras={name: values[rows] for name, values in recording.extras.items()},
         **arrays,

@@ -110,8 +110,9 @@ def _edges(balances: Sequence[Balance], axis: str) -> dict[str, NDArray[np.float
     out = {}
     for name, count in ((axis, _PLACES), (f"v_{axis}", _VALUES), ("l", _VALUES), (f"u_{axis}", _VALUES)):
         values = np.concatenate([_values(b, name) for b in balances])
-        if np.ptp(values) > 0:
-            low, high = (float(edge) for edge in np.quantile(values, [0.002, 0.998]))
+        low, high = (float(edge) for edge in np.quantile(values, [0.002, 0.998]))
+        # A variable that flickers once has a range, but no values to spread knots over.
+        if high > low:
             out[name] = np.linspace(low, high, count)
     return out
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from math import nan
 
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
@@ -38,9 +39,12 @@ class Explained:
     state: State
     steps: list[Step]
     learnable: float
+    """Before anything was accepted; nan where there was nothing to ask."""
     learnable_after: float
-    last: tuple[Screen | None, list[Trial]]
-    """The last round, in which nothing more was accepted."""
+    screened: Screen | None
+    """Of the last round, in which nothing more was accepted."""
+    refused: list[tuple[Trial, str]]
+    """The trials of that round, and why each did not pass."""
 
 
 def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
@@ -60,15 +64,14 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     first = state, search.window
     steps: list[Step] = []
     if not mismatch:
-        return Explained(state, steps, 0.0, 0.0, (None, []))
+        return Explained(state, steps, nan, nan, None, [])
     learnable, after = 0.0, 0.0
-    last: tuple[Screen | None, list[Trial]] = (None, [])
+    screened, left = None, []
     for _ in range(MOST_EFFECTS):
         screened, trials = _weigh(search, state)
         after = screened.learnable
         if not steps:
             learnable = screened.learnable
-        last = (screened, trials)
         # What a linear screen could not foresee must prove itself the more by simulation.
         least = HOLDS if after >= LEARNABLE else LEARNABLE
         if state.worst < LARGE:
@@ -77,6 +80,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
         passed = [t for t in trials if not reasons[t.candidate.name]]
         if not passed:
+            left = [(t, reasons[t.candidate.name]) for t in trials]
             break
         chosen = passed[0]
         share = min(held(state, chosen), 1.0)
@@ -87,7 +91,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
         state = simplify(search, state)
         steps[-1] = _as_simplified(steps[-1], state)
-        after = 0.0
+        after = nan
         if search.window is not None:
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
@@ -102,7 +106,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
-    return Explained(state, steps, learnable, after, last)
+    return Explained(state, steps, learnable, after, screened, left)
 
 
 def _as_simplified(step: Step, state: State) -> Step:
@@ -110,7 +114,9 @@ def _as_simplified(step: Step, state: State) -> Step:
     final = state.accepted[-1]
     if final.name == step.chosen.candidate.name:
         return step
-    extra = sum(state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@") for place in state.free)
+    extra = sum(
+        state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@{final.site}.") for place in state.free
+    )
     simple = Trial(**state.shared(), candidate=final, z=step.chosen.z, extra=extra)
     trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
     refused = {name: why for name, why in step.refused.items() if name != final.name}

@@ -98,7 +98,7 @@ class Search:
         ]
         unnamed = unnamed_forces(self.setting, scene)
         extra = [state.engine.table.positions(c.site)[0] for c in found if c.kind == WRONG_VALUE]
-        self.progress(f"screening {len(found)} explanations")
+        self.progress(f"screening {len({c.name for c in found})} explanations from {len(found)} starts")
         return screen(
             state.engine,
             state.batch,

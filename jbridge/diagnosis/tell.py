@@ -18,7 +18,7 @@ from .candidates import WRONG_VALUE
 from .locate import equation_of, intervals, region
 from .result import Location, NamedEffect, Rival
 from .screen import Screen
-from .trials import EFFECTIVE, State, Trial, accepts
+from .trials import EFFECTIVE, State, Trial
 from .words import effect_sentence
 
 RIVAL = 0.01
@@ -87,15 +87,17 @@ def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
 
 
 def parameters_of(kind: str, site: str, values: dict[str, Estimate]) -> dict[str, Estimate]:
-    prefix = f"{kind}@{site}."
-    return {name.removeprefix(prefix): e for name, e in values.items() if name.startswith(prefix)}
+    """Estimates of the latest effect of a kind at a site, by key: a second one of a kind is numbered in its names."""
+    owners = [name.rpartition(".")[0] for name in values if "." in name]
+    last = max((o for o in owners if o.split("#")[0] == f"{kind}@{site}"), key=lambda o: (len(o), o), default="")
+    return {name.removeprefix(f"{last}."): e for name, e in values.items() if name.startswith(f"{last}.") and last}
 
 
 def location_of(
     alarm: bool,
     effects: tuple[NamedEffect, ...],
     steps: list[Step],
-    last: tuple[Screen | None, list[Trial]],
+    screened: Screen | None,
     shown: Sequence[Any],
     setting: Setting,
     curve: str | None,
@@ -106,7 +108,7 @@ def location_of(
         alarm: whether there is one.
         effects: what was named.
         steps: how it was found.
-        last: the last screen and trials.
+        screened: the last screen.
         shown: recordings beside both models.
         setting: noise.
         curve: site of the force without a name that the final model keeps: what was named beside it explains a part
@@ -120,7 +122,6 @@ def location_of(
             place = site if kind != WRONG_VALUE else _site_of_number(site)
             sites[place] = sites.get(place, 0.0) + weight
     else:
-        screened = last[0]
         ranked = [] if screened is None else screened.ranked
         least = min((r.cost for r in ranked), default=1.0)
         for r in ranked:
@@ -147,9 +148,8 @@ def _site_of_number(name: str) -> str:
     return {"cart_mass": "cart", "load_mass": "swing", "winch_mass": "hoist"}.get(name, "cart")
 
 
-def trials_of(
-    steps: list[Step], last: tuple[Screen | None, list[Trial]], state: State
-) -> tuple[dict[str, object], ...]:
+def trials_of(steps: list[Step], refused: Sequence[tuple[Trial, str]]) -> tuple[dict[str, object], ...]:
+    """Every trial of every round, and why it was not taken; `refused` are those of the last one."""
     rows = []
 
     def row(number: int, trial: Trial, why: str) -> dict[str, object]:
@@ -167,8 +167,6 @@ def trials_of(
         for trial in step.trials:
             why = "" if trial is step.chosen else step.refused.get(trial.candidate.name, "explains less")
             rows.append(row(step.number, trial, why))
-    shown = {id(t) for step in steps for t in step.trials}
-    left = [trial for trial in last[1] if id(trial) not in shown]
     rounds = max((step.number for step in steps), default=0) + 1
-    rows += [row(rounds, trial, accepts(state, trial, HOLDS) or "explains less") for trial in left]
+    rows += [row(rounds, trial, why) for trial, why in refused]
     return tuple(rows)

@@ -2,29 +2,17 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from ..identify.result import Estimate
 from ..model.effects.base import SITES
 from ..model.effects.catalogue import CATALOGUE
 from .adequacy import LARGE
 from .candidates import WRONG_VALUE
+from .names import kind_name, site_name, spaced
 from .result import Channel, Location, NamedEffect, Rival
 
-_AXIS_WORDS = {
-    "cart": "cart",
-    "swing": "swing",
-    "hoist": "hoist",
-    "cart_drive": "cart's drive",
-    "hoist_drive": "hoist's drive",
-    "x_sensor": "cart position sensor",
-    "psi_sensor": "angle sensor",
-    "l_sensor": "rope length sensor",
-}
 _CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
-
-
-def site_words(site: str) -> str:
-    return _AXIS_WORDS.get(site, site.replace("_", " "))
 
 
 def quantity(e: Estimate) -> str:
@@ -47,21 +35,38 @@ def quantity(e: Estimate) -> str:
 def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]) -> str:
     """One sentence for a named effect, and one for what cannot be told from it."""
     if kind == WRONG_VALUE:
-        text = f"The value given for {site} is wrong: the recordings ask for {quantity(parameters['value'])}."
+        text = (
+            f"The value given for the {spaced(site)} is wrong: the recordings ask for {quantity(parameters['value'])}."
+        )
     else:
-        what = CATALOGUE[kind].sentence.format(axis=site_words(site))
-        numbers = [f"{key.replace('_', ' ')} {quantity(e)}" for key, e in parameters.items() if quantity(e)]
+        what = CATALOGUE[kind].sentence.format(axis=site_name(site))
+        numbers = [f"{spaced(key)} {quantity(e)}" for key, e in parameters.items() if quantity(e)]
         detail = f" ({', '.join(numbers)})" if numbers else ""
         text = f"{what[0].upper()}{what[1:]}{detail}."
     if rivals:
-        others = " or ".join(f"{r.kind.replace('_', ' ')} at the {site_words(r.site)}" for r in rivals)
+        others = " or ".join(_at(r) for r in rivals)
         text += f" These recordings cannot tell it from {others}."
     return text
+
+
+def _at(explanation: NamedEffect | Rival) -> str:
+    if explanation.kind == WRONG_VALUE:
+        return f"a wrong value of the {spaced(explanation.site)}"
+    return f"{kind_name(explanation.kind)} at the {site_name(explanation.site)}"
 
 
 def _times(ratio: float) -> str:
     """A ratio with two digits."""
     return f"{ratio:.2g}" if ratio < 99.5 else f"{float(f'{ratio:.2g}'):.0f}"
+
+
+class Proof(NamedTuple):
+    """Error over noise on the hold-out, of the channel that is met worst."""
+
+    before: float
+    after: float
+    measure: str
+    """What was simulated: `free runs` or `windows of 2 s`."""
 
 
 def verdict_sentence(
@@ -70,10 +75,12 @@ def verdict_sentence(
     location: Location,
     before: Mapping[str, Channel],
     after: Mapping[str, Channel],
-    large: bool,
+    proof: Proof,
     *,
+    large: bool,
+    asked: bool,
     curve: bool,
-    unproven: float | None = None,
+    unproven: bool = False,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -83,9 +90,11 @@ def verdict_sentence(
         location: where.
         before: errors of the model as given, refitted.
         after: errors of the final model.
+        proof: errors on the hold-out.
         large: whether the errors before are more than noise.
+        asked: whether it was asked if they repeat.
         curve: whether a force without a name was put into the model.
-        unproven: error over noise on the hold-out, where what was named does not hold there.
+        unproven: whether what was named does not hold on the hold-out.
     """
     worst = max(before, key=lambda axis: before[axis].ratio)
     ratio = before[worst].ratio
@@ -95,31 +104,39 @@ def verdict_sentence(
                 f"The model explains the recordings: what remains is noise, at most {_times(ratio)} times it "
                 f"(in the {_CHANNEL_WORDS[worst]})."
             )
+        if not asked:
+            return (
+                f"Errors reach {_times(ratio)} times the noise in the {_CHANNEL_WORDS[worst]}, but they hang together "
+                "no longer than noise does: nothing can be learned from them."
+            )
         return (
             f"No physics is missing that these recordings could teach: errors reach {_times(ratio)} times the noise in "
             f"the {_CHANNEL_WORDS[worst]}, but they do not repeat from one recording to another. This is the rig's "
             "own scatter."
         )
     final = max(after[axis].ratio for axis in after)
-    where = site_words(location.site) if location.site in SITES else "bridge"
+    where = site_name(location.site) if location.site in SITES else "bridge"
     if verdict == "missing_physics":
         names = [
-            f"the {e.site.replace('_', ' ')}, which comes out as {quantity(e.parameters['value'])}"
+            f"the {spaced(e.site)}, which comes out as {quantity(e.parameters['value'])}"
             if e.kind == WRONG_VALUE
-            else f"{e.kind.replace('_', ' ')} at the {site_words(e.site)}"
+            else _at(e)
             for e in effects
         ]
         # Names that carry a clause of their own need a stronger mark between them.
         between = "; " if any("," in name for name in names) else ", "
         listed = names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
-        gain = f"the error falls from {_times(ratio)} to {_times(final)} times the noise in free runs."
+        gain = (
+            f"the error on the hold-out falls from {_times(proof.before)} to {_times(proof.after)} times the noise "
+            f"in {proof.measure}."
+        )
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
-    if unproven is not None:
+    if unproven:
         return (
             f"Something repeatable is missing at the {where}, but no explanation holds: what explains these recordings "
-            f"leaves errors of {_times(unproven)} times the noise on the hold-out."
+            f"leaves errors of {_times(proof.after)} times the noise on the hold-out, in {proof.measure}."
         )
     found = " What was found explains a part of it only." if effects else ""
     if curve:

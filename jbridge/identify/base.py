@@ -6,13 +6,15 @@ the trade between a dead zone and a Coulomb friction of the same axis.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
+from ..errors import InputError
 from ..model.plant import Plant
+from ..recordings import Recording
 from .lanes import Batch
 from .linearise import Engine
 from .setting import Setting, free_places, lanes_for
@@ -85,6 +87,21 @@ def measurements(batch: Batch) -> int:
     return int((np.asarray(batch.lanes.weight) > 0).sum())
 
 
+def check_runs(base: BaseFit, recordings: Sequence[Recording]) -> None:
+    """Raises `InputError` if the fitted model's simulation runs away, which no result could be told from."""
+    if not np.isfinite(base.fits.cost[0]):
+        names = ", ".join(r.name for r in recordings)
+        raise InputError(
+            f"{names}: the model's simulation runs away from these recordings; check the signs and units of the inputs "
+            "and the model's numbers"
+        )
+
+
+def _cost(fits: Fits) -> float:
+    """Cost of the only row; a simulation that runs away is worst of all."""
+    return float(np.nan_to_num(fits.cost[0], nan=np.inf))
+
+
 def base_fit(
     plant: Plant,
     known: frozenset[str],
@@ -120,7 +137,7 @@ def base_fit(
         progress("fitting the model to short windows")
     short = solve(engine, windows, start[None], [free], columns=columns, iterations=15)
     others = [start]
-    if starts > 1 and len(free) and chi(short.cost[0], windows) > _POOR:
+    if starts > 1 and len(free) and not chi(short.cost[0], windows) <= _POOR:
         rng = np.random.default_rng(seed)
         # A first fit may have ended where friction holds everything and no slope leads out, so the given numbers
         # serve as well.
@@ -131,17 +148,17 @@ def base_fit(
             solve(engine, windows, row[None], [free], columns=columns, iterations=8, tolerance=1e-2) for row in rows
         ]
         others += [fits.vectors[0] for fits in (short, *tries)]
-        short = min([short, *tries], key=lambda fits: float(fits.cost[0]))
+        short = min([short, *tries], key=_cost)
     if window is not None:
         fits = solve(engine, windows, short.vectors, [free], columns=columns, iterations=25)
         return BaseFit(engine, free, whole, windows, fits.vectors[0], fits.vectors[0], fits, windows)
     if progress is not None:
         progress("fitting the model to whole recordings")
     fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)
-    if thorough and chi(fits.cost[0], whole) > _POOR * max(chi(short.cost[0], windows), 1.0):
+    if thorough and not chi(fits.cost[0], whole) <= _POOR * max(chi(short.cost[0], windows), 1.0):
         # Where friction holds what should move, a window tells little and a slope nothing.
         tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=25) for other in others]
-        fits = min([fits, *tries], key=lambda fits: float(fits.cost[0]))
+        fits = min([fits, *tries], key=_cost)
     return BaseFit(
         engine,
         free,

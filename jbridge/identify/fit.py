@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from ..errors import InputError
 from ..model.files import Model
 from ..recordings import Recording
-from .base import WINDOW, base_fit, columns_for
+from .base import WINDOW, base_fit, check_runs, columns_for
 from .evaluate import evaluate, traces
 from .result import Fit
 from .setting import make_setting, resolve
@@ -50,6 +50,7 @@ def fit(
             )
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, thorough=True, window=window, progress=progress)
+    check_runs(base, recordings)
     table = base.engine.table
     width = columns_for(len(base.free))
     cov = covariance(
@@ -69,10 +70,10 @@ def fit(
     runs = [
         (
             which,
-            evaluate(which, setting, recordings, width, like),
-            evaluate(which, setting, holdout, width, like) if holdout else None,
+            evaluate(which, setting, recordings, width, like, windows=windows),
+            evaluate(which, setting, holdout, width, like, windows=windows) if holdout else None,
         )
-        for which in (plant, fitted)
+        for which, windows in ((plant, False), (fitted, True))
     ]
     (_, train_before, hold_before), (_, train_after, hold_after) = runs
     shown = traces((plant, train_before), (fitted, train_after), recordings, "train")

@@ -181,7 +181,7 @@ def make_batch(
     spare = n - len(cuts)
     initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
     cuts += [(-1, 0, 0)] * spare
-    starts = np.array([grids[r].times[a] if r >= 0 else 0.0 for r, a, _ in cuts])
+    starts = np.array([recordings[r].begun + grids[r].times[a] if r >= 0 else 0.0 for r, a, _ in cuts])
     active = Axes(*(jnp.asarray([float(grids[max(r, 0)].active[k]) for r, _, _ in cuts]) for k in range(3)))
     lane = jax.vmap(Lane)(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
     return Batch(

@@ -31,12 +31,12 @@ def noise_floor(recordings: Sequence[Recording]) -> dict[str, float]:
             scatter.append(_local_scatter(recording.times[fresh], values[fresh]))
             rounding.append(recording.resolution.get(axis, 0.0) / np.sqrt(12.0))
         if scatter:
-            # A channel that is exact, as a simulation's, still needs a scale: a hundredth of a millimetre or a
-            # hundredth of a degree.
-            least = 1e-5 if axis != "psi" else 1.7e-4
+            # A channel that is exact, as a simulation's, still needs a scale: a thousandth of a millimetre or a
+            # thousandth of a degree.
+            least = 1e-6 if axis != "psi" else 1.7e-5
             spread = np.concatenate(scatter)
             found = float(np.sqrt(np.median(spread) / _MEDIAN_OF_CHI2)) if len(spread) else 0.0
-            floor[axis] = max(found, float(np.median(rounding)), least * 0.1)
+            floor[axis] = max(found, float(np.median(rounding)), least)
     return floor
 
 

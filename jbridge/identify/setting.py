@@ -158,7 +158,7 @@ def _memory(plant: Plant) -> float:
     return 1.5 * delay + 5.0 * max(float(c) for c in plant.time_constants())
 
 
-def scene_of(setting: Setting, plant: Plant, events: Mapping[str, tuple] | None = None) -> Scene:
+def scene_of(setting: Setting, plant: Plant) -> Scene:
     """What the training recordings cover."""
     low, high, speed = {}, {}, {}
     for name in (*AXES, "u_x", "u_l"):
@@ -193,5 +193,4 @@ def scene_of(setting: Setting, plant: Plant, events: Mapping[str, tuple] | None 
             "gravity": float(plant.bridge.gravity),
         },
         friction=friction,
-        events=dict(events or {}),
     )

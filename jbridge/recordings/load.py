@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -111,6 +112,10 @@ def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading
         else detect_hold(times, samples, resolution[name])
         for name, samples in measured.items()
     }
+    arrays: dict[str, Any] = {
+        name: read_only(values[name]) if name in values and name not in parts.unused else None
+        for name in (*INPUTS, *MEASURED)
+    }
     recording = Recording(
         name=path.name,
         times=read_only(times),
@@ -122,10 +127,7 @@ def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading
         initial=dict(declared.initial),
         extras={name: read_only(column) for name, column in all_extras(channels, parts).items()},
         notes=(*channels.notes, *parts.notes, *describe(channels, declared, resolution, holds)),
-        **{
-            name: read_only(values[name]) if name in values and name not in parts.unused else None
-            for name in (*INPUTS, *MEASURED)
-        },
+        **arrays,
     )
     return Reading(recording, holds)
 

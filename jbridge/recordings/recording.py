@@ -47,6 +47,8 @@ class Recording:
     """Other columns of the file, by name, in the units of the file."""
     notes: tuple[str, ...]
     """What was detected or assumed, each one sentence for the rig's owner."""
+    begun: float = 0.0
+    """Time [s] before the first row at which the run began, for a piece cut out of one: drift and wind go by it."""
 
     @property
     def start(self) -> float:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
 from .figures.gallery import Gallery
 from .html import (
@@ -22,13 +23,13 @@ from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, digits, percent, shown
 from .rows import error_rows, error_text, is_changed
 from .trials import trial_table
-from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_meaning, effect_name, site_name
+from .words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, heading
 
 
 def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
     """The page as HTML, with everything that it needs inside."""
     return page(
-        f"{VERDICTS[diagnosis.verdict]} - jbridge",
+        f"{heading(diagnosis.verdict, (e.kind for e in diagnosis.effects))} - jbridge",
         [
             _header(diagnosis),
             _fit(diagnosis, gallery),
@@ -59,7 +60,7 @@ def _header(diagnosis: Diagnosis) -> str:
     shown_facts = "".join(element("div", tag("dt", name) + tag("dd", value)) for name, value in facts)
     return element(
         "header",
-        tag("p", VERDICTS[diagnosis.verdict], "verdict")
+        tag("p", heading(diagnosis.verdict, (e.kind for e in diagnosis.effects)), "verdict")
         + tag("h1", diagnosis.statement)
         + element("dl", shown_facts)
         + bullets(diagnosis.warnings, "warnings"),

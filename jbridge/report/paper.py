@@ -36,8 +36,13 @@ def save_paper(folder: PathLike, data: PathLike) -> tuple[Path, ...]:
         saved = json.loads(Path(data).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{data}: no such file; run python experiments/paper/run.py first") from None
+    except OSError as problem:
+        reason = (problem.strerror or "cannot be read").lower()
+        raise InputError(f"{data}: {reason}; give the file that experiments/paper/run.py saved") from None
     except ValueError:
         raise InputError(f"{data}: not the data of experiments/paper/run.py; run it again") from None
+    if not isinstance(saved, dict):
+        raise InputError(f"{data}: not the data of experiments/paper/run.py; run it again")
     missing = [key for key in _SOUGHT if key not in saved]
     if missing:
         raise InputError(f"{data}: has no {', '.join(missing)}; run python experiments/paper/run.py to its end")

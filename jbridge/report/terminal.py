@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identify.result import Estimate, Fit
 from .as_json import INPUT_FILE
@@ -11,7 +12,7 @@ from .files import PathLike
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, join_unit, percent
 from .rows import error_rows, is_changed, parameter_rows, parts
-from .words import CHANNELS, EQUATIONS, VERDICTS, capital, effect_name, site_name
+from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
 _WIDTH = 88
 _INDENT = 12
@@ -24,7 +25,11 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
         diagnosis: what to tell.
         folder: where its files were saved, which are then named.
     """
-    lines = [VERDICTS[diagnosis.verdict].upper(), *_wrapped("", diagnosis.statement), ""]
+    lines = [
+        heading(diagnosis.verdict, (e.kind for e in diagnosis.effects)).upper(),
+        *_wrapped("", diagnosis.statement),
+        "",
+    ]
     lines += _wrapped("Place", _place(diagnosis))
     for sentence in [*where_sentences(diagnosis), *when_sentences(diagnosis)]:
         lines += _wrapped("", sentence)
@@ -33,7 +38,7 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
     for effect in diagnosis.effects:
         lines += _effect(effect, diagnosis)
     lines += ["", *_fit(diagnosis)]
-    lines += _warnings(diagnosis.warnings)
+    lines += _remarks(diagnosis.warnings, diagnosis.notes)
     if diagnosis.next_experiment is not None:
         where = f" (input in {Path(folder) / INPUT_FILE})" if folder is not None else ""
         lines += ["", *_wrapped("Record next", diagnosis.next_experiment.purpose + where)]
@@ -60,7 +65,7 @@ def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
         if errors is not None:
             lines += ["", *_errors(f"{which}, whole recordings", None, errors.free_run, fit.noise)]
             lines += _errors(f"{which}, windows of {fit.window:g} s", None, errors.window, fit.noise)
-    lines += _warnings(fit.warnings)
+    lines += _remarks(fit.warnings, fit.notes)
     if folder is not None:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
         lines += [f"{'':{_INDENT}}{Path(folder) / 'fit.json'}, {Path(folder) / 'model.toml'}"]
@@ -134,8 +139,9 @@ def _errors(
     ]
 
 
-def _warnings(warnings: Iterable[str]) -> list[str]:
-    lines = [line for warning in warnings for line in _wrapped("Warning", warning)]
+def _remarks(warnings: Iterable[str], notes: Iterable[str]) -> list[str]:
+    named = [("Warning", text) for text in warnings] + [("Note", text) for text in notes]
+    lines = [line for name, text in named for line in _wrapped(name, text)]
     return ["", *lines] if lines else []
 
 

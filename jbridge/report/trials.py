@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..diagnosis.names import spaced
 from .html import table
 from .quantities import UNKNOWN, digits
-from .words import effect_name, spaced
+from .words import effect_name
 
 
 def trial_table(trials: Sequence[Mapping[str, object]]) -> str:

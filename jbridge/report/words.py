@@ -1,7 +1,8 @@
 """What sites, kinds, variables and verdicts are called before a rig's owner."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
+from ..diagnosis.names import kind_name, site_name, spaced
 from ..model.bridge import Bridge
 from ..model.effects.base import ParameterInfo, parameters_of
 from ..model.effects.catalogue import KINDS
@@ -18,25 +19,6 @@ VERDICTS = {
     "unknown": "Something is missing that has no name yet",
 }
 
-_SITES = {
-    "cart": "cart",
-    "swing": "swing",
-    "hoist": "hoist",
-    "cart_drive": "cart drive",
-    "hoist_drive": "hoist drive",
-    "x_sensor": "position sensor",
-    "psi_sensor": "angle sensor",
-    "l_sensor": "rope length sensor",
-}
-_KINDS = {
-    "coulomb_friction": "Coulomb friction",
-    "stribeck_friction": "Stribeck friction",
-    "direction_dependent_friction": "direction-dependent friction",
-    "position_dependent_friction": "position-dependent friction",
-    "position_direction_friction": "position- and direction-dependent friction",
-    "length_dependent_damping": "length-dependent damping",
-}
-"""Kinds that need more than blanks between their words."""
 _VARIABLES = {
     **CHANNELS,
     "v_x": "cart velocity",
@@ -49,15 +31,12 @@ _VARIABLES = {
 _UNITS = {"x": "m", "psi": "rad", "l": "m", "v_x": "m/s", "v_psi": "rad/s", "v_l": "m/s", "t": "s"}
 
 
-def site_name(site: str | None) -> str:
-    """A site in words; a wrong value's site is the parameter's name."""
-    if site is None:
-        return "no single place"
-    return _SITES.get(site, spaced(site))
-
-
-def kind_name(kind: str) -> str:
-    return _KINDS.get(kind, spaced(kind))
+def heading(verdict: str, kinds: Iterable[str]) -> str:
+    """A verdict in a few words, given the kinds of what was named."""
+    named = list(kinds)
+    if verdict == "missing_physics" and named and all(kind == WRONG_VALUE for kind in named):
+        return "A number of the model is wrong"
+    return VERDICTS[verdict]
 
 
 def effect_name(kind: str, site: str) -> str:
@@ -118,10 +97,6 @@ def input_units(units: Mapping[str, str]) -> dict[str, str]:
     """
     gains = {"u_x": "cart_gain", "u_l": "hoist_gain"}
     return {name: units.get(gain, "N/V").partition("/")[2] or "V" for name, gain in gains.items()}
-
-
-def spaced(key: str) -> str:
-    return key.replace("_", " ")
 
 
 def capital(text: str) -> str:

@@ -20,8 +20,8 @@ from ..control.fuzzy import FuzzyController
 from ..loop import closed_loop, periods_remembered
 from ..model.parameters import ParameterTable
 from ..signals import along, durations
+from ..summaries import UNITS, MoveSummary, is_sound
 from .spec import Sweep
-from .summaries import UNITS, MoveSummary, is_sound
 
 _STEP = 0.005
 """Longest integration step [s]; with a hidden coordinate half of it."""

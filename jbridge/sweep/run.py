@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from .._toml import replace_text
 from ..errors import InputError
 from ..model.parameters import ParameterTable
+from ..summaries import UNITS
 from .rollouts import Rollouts
 from .spec import Sweep
-from .summaries import UNITS
 
 _LISTED = 10_000
 """Most failures that are listed one by one; all are counted, and marked in the results."""

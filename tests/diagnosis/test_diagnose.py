@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from jbridge import diagnose
-from jbridge.diagnosis.diagnose import _split
+from jbridge.diagnosis.holdout import split_off
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
 
@@ -84,8 +84,10 @@ def _plain(found):
 
 def test_without_a_hold_out_the_last_quarter_is_one():
     runs = rig()
-    kept, held, note = _split(runs)
+    kept, held, note = split_off(runs)
     assert [r.name for r in held] == ["run-4.csv"] and len(kept) == 3 and "run-4.csv" in note
-    (first,), (last,), note = _split(runs[:1])
+    (first,), (last,), note = split_off(runs[:1])
     assert last.times[0] == pytest.approx(4.5, abs=0.02) and first.times[-1] < last.times[0]
     assert len(first.times) + len(last.times) == len(runs[0].times)
+    # Drift and wind go by the time since the run began.
+    assert first.begun == 0.0 and last.begun == pytest.approx(4.5, abs=0.02)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jbridge.diagnosis.result import Channel, Location, NamedEffect
-from jbridge.diagnosis.words import verdict_sentence
+from jbridge.diagnosis.result import Channel, Location, NamedEffect, Rival
+from jbridge.diagnosis.words import Proof, effect_sentence, verdict_sentence
 from jbridge.identify.result import Estimate
 
 AT_CART = Location("cart", "cart", {"cart": 1.0}, (), ())
@@ -12,8 +12,10 @@ FRICTION = NamedEffect("coulomb_friction", "cart", 1.0, {}, (), "")
 MASS = NamedEffect("wrong_value", "load_mass", 1.0, {"value": Estimate(0.2, 0.01, 0.18, 0.22, "kg")}, (), "")
 
 
-def said(verdict, effects=(), after=AFTER, *, large=True, curve=False, unproven=None):
-    return verdict_sentence(verdict, effects, AT_CART, BEFORE, after, large, curve=curve, unproven=unproven)
+def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False):
+    proof = Proof(30.0, 15.2, "windows of 2 s") if unproven else Proof(30.0, 1.2, "free runs")
+    told = {"large": large, "asked": asked, "curve": curve, "unproven": unproven}
+    return verdict_sentence(verdict, effects, AT_CART, BEFORE, after, proof, **told)
 
 
 @pytest.mark.parametrize(
@@ -21,26 +23,35 @@ def said(verdict, effects=(), after=AFTER, *, large=True, curve=False, unproven=
     [
         (said("adequate", large=False), "The model explains the recordings: what remains is noise"),
         (said("adequate"), "errors reach 20 times the noise in the cart position, but they do not repeat"),
+        (said("adequate", asked=False), "they hang together no longer than noise does"),
         (
             said("missing_physics", [FRICTION]),
-            "The model lacks physics: coulomb friction at the cart. With it the error falls from 20 to 1.1 times",
+            "The model lacks physics: Coulomb friction at the cart. With it the error on the hold-out falls from 30 to "
+            "1.2 times the noise in free runs.",
         ),
+        (said("missing_physics", [FRICTION], BEFORE), "What is left does not repeat from one recording to another."),
         (
             said("missing_physics", [MASS]),
-            "A known number is wrong: the load mass, which comes out as 0.2 ± 0.02 kg. With it the error falls",
+            "A known number is wrong: the load mass, which comes out as 0.2 ± 0.02 kg. With it the error on",
         ),
         (
             said("missing_physics", [FRICTION, MASS]),
-            "coulomb friction at the cart and the load mass, which comes out as 0.2 ± 0.02 kg. With them",
+            "Coulomb friction at the cart and the load mass, which comes out as 0.2 ± 0.02 kg. With them",
         ),
         (said("unknown", after=BEFORE), "nothing in the catalogue explains it: errors reach 20 times the noise."),
         (said("unknown", [FRICTION], BEFORE), "What was found explains a part of it only."),
         (said("unknown", after=BEFORE, curve=True), "The model file keeps the missing force as a curve"),
         (
-            said("unknown", [FRICTION], unproven=15.2),
-            "what explains these recordings leaves errors of 15 times the noise on the hold-out.",
+            said("unknown", [FRICTION], unproven=True),
+            "leaves errors of 15 times the noise on the hold-out, in windows of 2 s.",
         ),
     ],
 )
 def test_verdicts_read_as_sentences(sentence, wanted):
     assert wanted in sentence and sentence.endswith(".")
+
+
+def test_rivals_are_named_as_an_owner_would():
+    rivals = [Rival("wrong_value", "cart_mass", 0.2, {}, {}), Rival("stribeck_friction", "cart_drive", 0.1, {}, {})]
+    sentence = effect_sentence("coulomb_friction", "cart", {}, rivals)
+    assert "cannot tell it from a wrong value of the cart mass or Stribeck friction at the cart drive." in sentence

@@ -15,7 +15,7 @@ import jbridge
 from jbridge import InputError
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
-from jbridge.sweep.summaries import UNITS
+from jbridge.summaries import UNITS
 
 MODEL = """
 [bridge]

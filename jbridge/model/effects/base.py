@@ -161,8 +161,6 @@ class Scene(eqx.Module):
     """The bridge's numbers by name."""
     friction: Mapping[str, float]
     """Plain Coulomb level that the model has at each site now (0 where none)."""
-    events: Mapping[str, tuple[tuple[float, float], ...]]
-    """Intervals (start, stop) [s] in which the residual force of a site stands out, best first."""
 
     def span(self, name: str) -> float:
         return self.high[name] - self.low[name]

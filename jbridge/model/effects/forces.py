@@ -212,11 +212,10 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        thirds = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
-        found = list(scene.events.get(SWING, ()))[:4] + list(scene.events.get(CART, ()))[:2]
+        sixths = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"))
-            for start, stop in [*found, (0.0, 2 * scene.duration), *thirds]
+            for start, stop in [(0.0, 2 * scene.duration), *sixths]
         ]
 
 

@@ -46,19 +46,20 @@ class CoulombFriction(AbstractFriction):
 
 
 class StribeckFriction(AbstractFriction):
-    """`-(level + (breakaway - level) exp(-(v/velocity)^2)) sign(v)`: breaking away costs more than sliding."""
+    """`-(level + max(breakaway - level, 0) exp(-(v/velocity)^2)) sign(v)`: breaking away costs more than sliding."""
 
     kind: ClassVar[str] = "stribeck_friction"
     sites: ClassVar[tuple[str, ...]] = (CART, SWING, HOIST)
     sentence: ClassVar[str] = "dry friction of the {axis} that is larger at rest and in slow motion (stiction)"
     level: Scalar = parameter("{force}", "sliding level", low=0.0)
-    breakaway: Scalar = parameter("{force}", "level at rest", low=0.0)
+    breakaway: Scalar = parameter("{force}", "level at rest, not below the sliding level", low=0.0)
     velocity: Scalar = parameter("{speed}", "velocity over which the extra fades", null=0.05, low=1e-4)
     site: str = eqx.field(static=True)
 
     def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
         ratio = v / self.velocity
-        size = self.level + (self.breakaway - self.level) * decay(ratio * ratio)
+        # Friction that grows with speed is damping, and is called so.
+        size = self.level + jnp.maximum(self.breakaway - self.level, 0.0) * decay(ratio * ratio)
         return size, size
 
     @classmethod

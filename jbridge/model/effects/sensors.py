@@ -110,8 +110,7 @@ class MissedCounts(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         times = [(i + 0.5) / 8 * scene.duration for i in range(8)]
-        found = [start for start, _ in scene.events.get(site, ())][:3]
-        return [Seed({"jump": 0.0, "time": time}, ("jump", "time")) for time in [*found, *times]]
+        return [Seed({"jump": 0.0, "time": time}, ("jump", "time")) for time in times]
 
 
 class SensorDelay(AbstractEffect):

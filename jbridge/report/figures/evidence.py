@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from matplotlib.figure import FigureBase
 
+from ...diagnosis.names import site_name
 from ..quantities import percent
-from ..words import site_name
 from .style import MARK, NOISE, Picture, picture
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from ...fuzzy.inference import Mamdani
 from ...fuzzy.rules import Variable
+from .fuzzy import UNITS, draw_variable
 from .style import AFTER, BEFORE, RECORDED, Picture, picture
 from .tracking import Run, draw_commands, draw_positions, draw_way
 
 RIG = "virtual rig"
-_COLOURS = ("#0a6ebd", "#00805c", "#8a4f9e", "#dd6a00", "#3c3c3c")
 
 
 def arrays(run: Mapping[str, Sequence[float]]) -> dict[str, NDArray[np.float64]]:
@@ -96,35 +95,16 @@ def draw_validation(steps: Mapping[str, Mapping[str, Sequence[float]]]) -> Pictu
 def draw_sets(name: str, title: str, system: Mamdani, explanation: str) -> Picture:
     """Figures 5 and 6: membership functions; of the error also those close to zero."""
     variables: list[Variable] = [*system.inputs, *system.outputs]
-    units = {"error": "1", "velocity": "m/s", "angle": "deg", "voltage": "V"}
 
     def draw(figure: FigureBase) -> None:
         panels = figure.subplots(len(variables) + 1, 1)
-        _draw_variable(panels[0], variables[0], "normalised error [1]")
+        draw_variable(panels[0], variables[0], "normalised error [1]")
         close = 0.02 * float(variables[0].high)
-        _draw_variable(panels[1], variables[0], "the same, around zero [1]", close)
+        draw_variable(panels[1], variables[0], "the same, around zero [1]", close)
         for panel, variable in zip(panels[2:], variables[1:], strict=True):
-            _draw_variable(panel, variable, f"{variable.name} [{units.get(variable.name, '1')}]")
+            draw_variable(panel, variable, f"{variable.name} [{UNITS.get(variable.name, '1')}]")
 
     return picture(name, title, 1.55 * (len(variables) + 1), draw, explanation)
-
-
-def _draw_variable(panel: Axes, variable: Variable, label: str, limit: float | None = None) -> None:
-    low, high = (float(variable.low), float(variable.high)) if limit is None else (-limit, limit)
-    values = np.linspace(low, high, 1201)
-    named: list[float] = []
-    for colour, said, degrees in zip(_COLOURS, variable.labels, variable.degrees(jnp.asarray(values)), strict=False):
-        curve = np.asarray(degrees)
-        panel.plot(values, curve, color=colour)
-        at = float(values[curve > curve.max() - 1e-9].mean())
-        if all(abs(at - other) > 0.05 * (high - low) for other in named):
-            named.append(at)
-            panel.annotate(said, (at, 1.03), ha="center", color=colour, fontsize=9)
-    panel.set_xlim(low, high)
-    panel.set_ylim(0.0, 1.22)
-    panel.set_yticks([0, 0.5, 1])
-    panel.set_xlabel(label)
-    panel.set_ylabel("degree")
 
 
 def draw_tracking(tracking: Mapping[str, Any]) -> tuple[Picture, ...]:

@@ -310,7 +310,6 @@ SCENE = Scene(
     length=0.65,
     bridge=NUMBERS,
     friction={"cart": 3.0, "swing": 0.0, "hoist": 0.0},
-    events={"swing": ((1.0, 2.0),), "x_sensor": ((3.0, 3.5),)},
 )
 
 

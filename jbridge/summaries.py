@@ -1,13 +1,13 @@
-"""What a sweep keeps of each closed loop: a handful of numbers, updated while time passes."""
+"""What is kept of one move in a closed loop: a handful of numbers, updated while time passes."""
 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._math import sincos
-from ..collect import AbstractSummary
-from ..control.measures import NEAR
+from ._math import sincos
+from .collect import AbstractSummary
+from .control.measures import NEAR
 
 UNITS = {
     "settling_x": "s",

@@ -1,0 +1,103 @@
+"""Linear laws as rivals of the fuzzy ones: PID and state feedback, with what friction and dead zone take given back."""
+
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._types import Axes, Scalar
+from ..fuzzy.membership import as_number
+from .base import AbstractController, Differences, Reference
+
+LIMITS = (3.0, 10.0)
+"""Voltages beyond which the paper's drives saturate [V]: cart, hoist."""
+
+
+def _number(default: float) -> Any:
+    return eqx.field(converter=as_number, default=default)
+
+
+class Compensation(eqx.Module):
+    """Voltage that friction and dead zone take before anything moves, given back in the direction of the command."""
+
+    cart: Scalar = _number(0.0)
+    """[V]"""
+    hoist: Scalar = _number(0.0)
+    """[V]"""
+    hoist_bias: Scalar = _number(0.0)
+    """What holds the load at rest [V]."""
+    blur: Scalar = _number(0.05)
+    """Command over which the compensation changes its sign [V]."""
+
+    def __call__(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
+        """The command with what is lost on its way, within the drives' limits [V]."""
+        lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
+        limits = jnp.asarray(LIMITS)
+        return jnp.clip(command + lost + jnp.stack([jnp.zeros(()), self.hoist_bias]), -limits, limits)
+
+
+class _PidState(NamedTuple):
+    differences: tuple[Axes, Axes]
+    sums: Float[Array, " 2"]
+
+
+class Pid(AbstractController):
+    """Position controllers of cart and hoist, each of its own; the derivative acts on the error of the speed."""
+
+    tunable: ClassVar[tuple[str, ...]] = ("cart_p", "cart_i", "cart_d", "hoist_p", "hoist_i", "hoist_d")
+    cart_p: Scalar = _number(10.0)
+    """[V/m]"""
+    cart_i: Scalar = _number(1.0)
+    """[V/(m s)]"""
+    cart_d: Scalar = _number(1.0)
+    """[V s/m]"""
+    hoist_p: Scalar = _number(30.0)
+    hoist_i: Scalar = _number(3.0)
+    hoist_d: Scalar = _number(1.0)
+    differences: Differences = Differences()
+    compensation: Compensation = Compensation()
+    most: Scalar = _number(1.0)
+    """Largest share of the limits that the integrals may take."""
+
+    def start(self, measured: Axes) -> _PidState:
+        return _PidState(self.differences.start(measured), jnp.zeros(2))
+
+    def command(
+        self, state: _PidState, measured: Axes, reference: Reference, period: Scalar | float
+    ) -> tuple[Float[Array, " 2"], _PidState]:
+        speed, differences = self.differences(state.differences, measured, period)
+        error = jnp.stack([reference.x - measured.x, reference.l - measured.l])
+        slope = jnp.stack([reference.v_x - speed.x, reference.v_l - speed.l])
+        p, i, d = (jnp.stack([getattr(self, f"{axis}_{term}") for axis in ("cart", "hoist")]) for term in "pid")
+        room = self.most * jnp.asarray(LIMITS)
+        sums = jnp.clip(state.sums + i * error * period, -room, room)
+        return self.compensation(p * error + sums + d * slope), _PidState(differences, sums)
+
+
+class StateFeedback(AbstractController):
+    """`u = -K (state - reference)`, the state being positions and velocities of cart, swing and rope."""
+
+    gains: Float[Array, "2 6"]
+    """Of `x, psi, l` and their velocities [V/m, V/rad, V s/m, V s/rad]; one row each for cart and hoist."""
+    differences: Differences = Differences()
+    compensation: Compensation = Compensation()
+
+    def start(self, measured: Axes) -> tuple[Axes, Axes]:
+        return self.differences.start(measured)
+
+    def command(
+        self, state: tuple[Axes, Axes], measured: Axes, reference: Reference, period: Scalar | float
+    ) -> tuple[Float[Array, " 2"], tuple[Axes, Axes]]:
+        speed, state = self.differences(state, measured, period)
+        away = jnp.stack(
+            [
+                measured.x - reference.x,
+                measured.psi,
+                measured.l - reference.l,
+                speed.x - reference.v_x,
+                speed.psi,
+                speed.l - reference.v_l,
+            ]
+        )
+        return self.compensation(-self.gains @ away), state

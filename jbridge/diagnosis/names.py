@@ -1,0 +1,36 @@
+"""What sites and kinds of effects are called before a rig's owner."""
+
+_SITES = {
+    "cart": "cart",
+    "swing": "swing",
+    "hoist": "hoist",
+    "cart_drive": "cart drive",
+    "hoist_drive": "hoist drive",
+    "x_sensor": "cart position sensor",
+    "psi_sensor": "angle sensor",
+    "l_sensor": "rope length sensor",
+}
+_KINDS = {
+    "coulomb_friction": "Coulomb friction",
+    "stribeck_friction": "Stribeck friction",
+    "direction_dependent_friction": "direction-dependent friction",
+    "position_dependent_friction": "position-dependent friction",
+    "position_direction_friction": "position- and direction-dependent friction",
+    "length_dependent_damping": "length-dependent damping",
+}
+"""Kinds that need more than blanks between their words."""
+
+
+def site_name(site: str | None) -> str:
+    """A site in words; a wrong value's site is the parameter's name."""
+    if site is None:
+        return "no single place"
+    return _SITES.get(site, spaced(site))
+
+
+def kind_name(kind: str) -> str:
+    return _KINDS.get(kind, spaced(kind))
+
+
+def spaced(key: str) -> str:
+    return key.replace("_", " ")

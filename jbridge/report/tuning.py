@@ -1,0 +1,157 @@
+"""What `tune` leaves: the tuned controller, how it compares, and the pictures."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..control.base import AbstractController
+from ..control.files import save_controller
+from ..control.fuzzy import FuzzyController
+from ..fuzzy.inference import Mamdani
+from ..summaries import UNITS
+from ..tune.tune import Tuning
+from .figures.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
+from .figures.style import Picture
+from .files import PathLike, make_folder, write_bytes, write_text
+from .html import element, page, section, show_all, table, tag
+from .quantities import digits
+
+SHOWN: Mapping[str, tuple[str, str, float]] = {
+    "settling_load": ("load settled", "s", 1.0),
+    "residual_swing": ("swing left", "°", 180.0 / np.pi),
+    "overshoot_x": ("overshoot of x", "mm", 1e3),
+    "overshoot_l": ("overshoot of l", "mm", 1e3),
+    "itae_x": ("ITAE of x", "m s²", 1.0),
+    "itae_l": ("ITAE of l", "m s²", 1.0),
+    "effort_x": ("effort of the cart", "V²", 1.0),
+    "chatter_x": ("chatter of the cart", "V/s", 1.0),
+}
+"""What is told of a controller: name, unit, factor from the summaries' unit."""
+_COURSES = {"train": "tuned on", "held_out": "held out"}
+_EXPLAINED = (
+    "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
+    "1 cm of the goal for good, counted from the move's start; a move that does not settle counts as longer than all. "
+    "Held-out bridges and moves took no part in the tuning."
+)
+
+
+def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
+    """Writes controller.toml (tuned), tune.json, figures/*.png and tune.html.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    target = Path(folder)
+    make_folder(target)
+    if isinstance(tuning.controller.law, FuzzyController):
+        save_controller(target / "controller.toml", tuning.controller)
+    told: dict[str, Any] = {
+        "schema": 1,
+        "cost": {name: {"before": a, "after": b} for name, (a, b) in tuning.costs.items()},
+        "coordinates": dict(tuning.coordinates),
+        "measures": {
+            name: {key: {"before": _numbers(before[key]), "after": _numbers(after[key])} for key in UNITS}
+            for name, (before, after) in tuning.measures.items()
+        },
+        "units": dict(UNITS),
+        "history": _numbers(tuning.history),
+        "rollouts": tuning.rollouts,
+        "seconds": tuning.seconds,
+    }
+    write_text(target / "tune.json", json.dumps(told, indent=1) + "\n")
+    pictures = tuning_pictures(tuning)
+    for drawn in pictures:
+        write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
+    write_text(target / "tune.html", _page(tuning, pictures))
+    return target / "tune.html"
+
+
+def _numbers(values: NDArray[np.float64]) -> Any:
+    """Nested lists, with null for what never happened."""
+    return [_numbers(value) if np.ndim(value) else (float(value) if np.isfinite(value) else None) for value in values]
+
+
+def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
+    """How the tuned controller compares, as a table for the terminal."""
+    head, rows = _rows(tuning)
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+    ]
+    lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
+    if folder is not None:
+        lines += [f"Report      {Path(folder) / 'tune.html'}", f"            {Path(folder) / 'controller.toml'}"]
+    return "\n".join(lines) + "\n"
+
+
+def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
+    """Sets, surfaces, cost over the steps, and the spread over the held-out bridges."""
+    before, after = tuning.given.law, tuning.controller.law
+    pictures = [
+        draw_ensemble(
+            "ensemble",
+            "Held-out bridges and moves",
+            {"as given": tuning.measures["held_out"][0], "tuned": tuning.measures["held_out"][1]},
+            {key: (f"{SHOWN[key][0]} [{SHOWN[key][1]}]", SHOWN[key][2]) for key in _DRAWN},
+            "How many of them stay below a value; a line that ends below 100 % has moves that never settle.",
+        ),
+        draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
+    ]
+    for axis, (old, new) in _systems(before, after).items():
+        pictures.append(draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new))
+        pictures.append(
+            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {"as given": old, "tuned": new}, 0.2)
+        )
+    return tuple(pictures)
+
+
+_DRAWN = ("settling_load", "residual_swing", "itae_x")
+
+
+def _systems(before: AbstractController, after: AbstractController) -> dict[str, tuple[Mamdani, Mamdani]]:
+    if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
+        return {}
+    pairs = {axis: (getattr(before, axis), getattr(after, axis)) for axis in ("cart", "hoist")}
+    return {axis: pair for axis, pair in pairs.items() if all(isinstance(system, Mamdani) for system in pair)}
+
+
+def _rows(tuning: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    head = ("", *(f"{said}, {when}" for said in _COURSES.values() for when in ("as given", "tuned")))
+    rows = [
+        ("cost", *(digits(value) for name in _COURSES for value in tuning.costs[name])),
+    ]
+    for key, (said, unit, factor) in SHOWN.items():
+        cells = [_spread(factor * own[key]) for name in _COURSES for own in tuning.measures[name]]
+        rows.append((f"{said} [{unit}]", *cells))
+    return head, rows
+
+
+def _spread(values: NDArray[np.float64]) -> str:
+    filled = np.where(np.isnan(values), np.inf, values)
+    middle, most = float(np.median(filled)), float(np.max(filled))
+    never = int(np.isinf(filled).sum())
+    largest = f"{never} never" if never else digits(most)
+    return f"{digits(middle) if np.isfinite(middle) else 'never'} ({largest})"
+
+
+def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
+    before, after = tuning.costs["held_out"]
+    title = f"Cost on held-out bridges: {digits(before)} as given, {digits(after)} tuned"
+    head, rows = _rows(tuning)
+    moved = sorted(tuning.coordinates.items(), key=lambda item: -abs(item[1]))
+    return page(
+        "Tuning - jbridge",
+        [
+            element("header", tag("p", "The controller is tuned", "verdict") + tag("h1", title)),
+            section("As given and tuned", table(head, rows, numbers=range(1, len(head))), tag("p", _EXPLAINED, "soft")),
+            section("What changed", show_all(pictures)),
+            section(
+                "How far each number was moved",
+                table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
+            ),
+        ],
+    )

@@ -1,0 +1,1 @@
+"""Controllers made better by optimisation through simulated moves."""

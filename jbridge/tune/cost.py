@@ -1,0 +1,106 @@
+"""What a controller costs on a course of bridges and moves, with its gradient, and how it does there in the end."""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..control.base import AbstractController
+from ..summaries import UNITS, MoveSummary
+from .ensemble import Course, Moves
+from .knobs import AbstractKnobs
+from .objectives import Goal
+
+_ABREAST = 64
+"""Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
+_LATE = 0.75
+"""Share of the rest after which the swing counts as residual."""
+
+
+class Cost:
+    """Mean of a goal over all bridges and moves of a course, as a function of a controller's free coordinates.
+
+    Every gradient is one backward pass through all rollouts; each period of the controller is computed anew there, so
+    that memory holds one state per period.
+    """
+
+    def __init__(self, course: Course, knobs: AbstractKnobs, goal: Goal):
+        self.course = course
+        lanes = [
+            (row, jax.tree.map(lambda leaf: leaf[move], course.moves))
+            for move in range(len(course.legs))
+            for row in course.rows
+        ]
+        self.count = len(lanes)
+        """Rollouts of one evaluation."""
+        size = min(_ABREAST, -(-self.count // _threads()))
+        rows = [np.stack([row for row, _ in lanes[at : at + size]]) for at in range(0, self.count, size)]
+        moves = [
+            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[move for _, move in lanes[at : at + size]])
+            for at in range(0, self.count, size)
+        ]
+        self._blocks = list(zip(rows, moves, strict=True))
+
+        def total(z: Array, softness: Array, rows: Array, moves: Moves, *, smooth: bool) -> Array:
+            law = knobs.set(z, softness if smooth else None)
+
+            def one(row: Array, move: Moves) -> Array:
+                return goal(course.run(law, row, move, keep=False), move.leg)
+
+            return jnp.sum(jax.vmap(one)(rows, moves))
+
+        self._hard = jax.jit(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=False))
+        self._smooth = jax.jit(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=True))
+        self._gradient = jax.jit(jax.value_and_grad(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=True)))
+
+    def hard(self, z: NDArray[np.float64]) -> float:
+        """The cost of the controller with the textbook's inference."""
+        return float(sum(self._each(self._hard, z, 0.0))) / self.count
+
+    def smooth(self, z: NDArray[np.float64], softness: float) -> float:
+        """The cost of the smooth controller."""
+        return float(sum(self._each(self._smooth, z, softness))) / self.count
+
+    def gradient(self, z: NDArray[np.float64], softness: float) -> tuple[float, NDArray[np.float64]]:
+        """The cost of the smooth controller, and its gradient."""
+        found = self._each(self._gradient, z, softness)
+        value = sum(float(value) for value, _ in found) / self.count
+        return value, np.sum([np.asarray(slope) for _, slope in found], axis=0) / self.count
+
+    def _each(self, program: Any, z: NDArray[np.float64], softness: float) -> list[Any]:
+        def one(block: tuple[NDArray[np.float64], Moves]) -> Any:
+            return jax.block_until_ready(program(jnp.asarray(z), jnp.asarray(float(softness)), *block))
+
+        first = one(self._blocks[0]) if not program._cache_size() else None  # alone: the others find it compiled
+        rest = self._blocks if first is None else self._blocks[1:]
+        with ThreadPoolExecutor(_threads()) as pool:
+            found = list(pool.map(one, rest))
+        return found if first is None else [first, *found]
+
+
+def measure(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:
+    """Numbers of every bridge and move under a controller, by name: `(bridge, move)`, units as in `summaries.UNITS`.
+
+    Times of settling are nan where the position does not settle.
+    """
+
+    def one(law: AbstractController, row: Float[Array, " parameter"], move: Moves) -> dict[str, Array]:
+        leg, period = move.leg, jnp.asarray(course.period)
+        end = period * (course.count - 1)
+        summary = MoveSummary(leg.goal, leg.goal - leg.start, leg.arrival + _LATE * (end - leg.arrival), period)
+        return course.run(law, row, move, collect=summary)
+
+    over_moves = jax.vmap(one, in_axes=(None, None, 0))
+    program = jax.jit(jax.vmap(over_moves, in_axes=(None, 0, None)))
+    found = program(law, jnp.asarray(course.rows), course.moves)
+    return {name: np.asarray(found[name]) for name in UNITS}
+
+
+def _threads() -> int:
+    return os.cpu_count() or 1

@@ -1,0 +1,182 @@
+"""Bridges and moves on which a controller must do well: a model's numbers scattered, and moves of several lengths."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..collect import AbstractCollector, Everything
+from ..control.base import AbstractController, Reference
+from ..loop import closed_loop, periods_remembered
+from ..model.effects.base import CART, CART_DRIVE, HOIST, HOIST_DRIVE, SWING
+from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
+from ..model.effects.friction import CoulombFriction, PositionDependentFriction, PositionDirectionFriction
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..signals import along, durations
+from .objectives import Leg
+
+_STEP = 0.005
+"""Longest integration step [s]; with a hidden coordinate half of it."""
+_FRICTION = (CoulombFriction.kind, PositionDependentFriction.kind, PositionDirectionFriction.kind)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scatter:
+    """How far an ensemble's bridges lie from the model, as shares of its own numbers."""
+
+    friction: float = 1 / 3
+    """Levels of dry friction and the damping, axis by axis."""
+    load_mass: float = 0.5
+    dead_zone: float = 0.3
+    lag: float = 0.3
+    delay: float = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Legs:
+    """Moves from rest to rest."""
+
+    start: NDArray[np.float64]
+    """Cart position and rope length [m], `(move, 2)`."""
+    goal: NDArray[np.float64]
+    speed: tuple[float, float] = (0.3, 0.2)
+    """Largest speeds of the reference's cart and rope [m/s]."""
+    seconds: float = 10.0
+    """Length of every move, the rest at its end included [s]."""
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+def paper_legs(seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -> Legs:
+    """The paper's two moves, `T_z` to `T_1` and `T_1` to `T_2`."""
+    points = np.array([[0.0, 0.185], [1.2, 0.6], [0.5, 0.3]])
+    return Legs(points[:-1], points[1:], speed, seconds)
+
+
+def random_legs(count: int, seed: int, *, seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -> Legs:
+    """Moves between random places of a rail of 1.2 m and rope lengths of 0.185 to 0.7 m, at least 0.3 m apart."""
+    rng = np.random.default_rng(seed)
+    starts: list[NDArray[np.float64]] = []
+    goals: list[NDArray[np.float64]] = []
+    while len(starts) < count:
+        a, b = (np.array([rng.uniform(0.0, 1.2), rng.uniform(0.185, 0.7)]) for _ in range(2))
+        if abs(a[0] - b[0]) >= 0.3:
+            starts.append(a)
+            goals.append(b)
+    return Legs(np.array(starts), np.array(goals), speed, seconds)
+
+
+def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter()) -> NDArray[np.float64]:
+    """Parameter vectors of bridges about a plant, the plant itself first.
+
+    Args:
+        plant: in the middle.
+        count: how many, itself included.
+        seed: of the draw.
+        scatter: how far they lie from it.
+
+    Returns:
+        `(bridge, parameter)`, in the order of the plant's `ParameterTable`.
+    """
+    table = ParameterTable(plant)
+    base = np.array(table.ravel(plant), dtype=float)
+    rng = np.random.default_rng(seed)
+    factors = np.ones((count, table.size))
+
+    def spread(places: Sequence[int], share: float) -> None:
+        # One draw for numbers that belong together, such as the levels of a friction map.
+        factors[:, np.asarray(places, int)] = rng.uniform(1.0 - share, 1.0 + share, count)[:, None]
+
+    for name in ("cart_damping", "swing_damping", "hoist_damping"):
+        spread(table.positions(name), scatter.friction)
+    spread(table.positions("load_mass"), scatter.load_mass)
+    groups: dict[tuple[str, str], list[int]] = {}
+    for place in range(table.size):
+        entry = table.entry(place)
+        if entry.owner >= 0 and entry.info.fitted:
+            kind, _, site = entry.group.partition("@")
+            groups.setdefault((kind, site), []).append(place)
+    shares = {
+        **{(kind, site): scatter.friction for kind in _FRICTION for site in (CART, SWING, HOIST)},
+        **{(DeadZone.kind, site): scatter.dead_zone for site in (CART_DRIVE, HOIST_DRIVE)},
+        **{(ActuatorLag.kind, site): scatter.lag for site in (CART_DRIVE, HOIST_DRIVE)},
+        **{(InputDelay.kind, site): scatter.delay for site in (CART_DRIVE, HOIST_DRIVE)},
+    }
+    for key, places in groups.items():
+        if key in shares:
+            spread(places, shares[key])
+    factors[0] = 1.0
+    return base * factors
+
+
+class Moves(NamedTuple):
+    """Moves as one program takes them, with a leading axis of moves."""
+
+    initial: Float[Array, "move 2"]
+    reference: Reference
+    leg: Leg
+
+
+class Course:
+    """One plant's structure with moves: runs controllers on many bridges."""
+
+    def __init__(self, plant: Plant, rows: NDArray[np.float64], legs: Legs, period: float):
+        """
+        Args:
+            plant: structure of all bridges.
+            rows: their parameters, `(bridge, parameter)`.
+            legs: what every bridge is moved through.
+            period: of the controller's sampling [s].
+        """
+        self.table = ParameterTable(plant)
+        self.rows = rows
+        self.legs = legs
+        self.period = period
+        self.count = math.ceil(legs.seconds / period) + 1
+        self._states = 6 + 2 * len(plant.mechanisms)
+        self._substeps = max(1, math.ceil(period / (_STEP / (2 if plant.mechanisms else 1)) - 1e-6))
+        self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)
+        self.moves = self._moves()
+
+    def _moves(self) -> Moves:
+        times = np.arange(self.count) * self.period
+        references, arrivals = [], []
+        for start, goal in zip(self.legs.start, self.legs.goal, strict=True):
+            points, speed = jnp.asarray(np.stack([start, goal])), jnp.asarray(self.legs.speed)
+            place, rate = along(points, speed, jnp.asarray(0.0), jnp.asarray(times))
+            references.append(Reference(place[:, 0], place[:, 1], rate[:, 0], rate[:, 1]))
+            arrivals.append(durations(points, speed)[0])
+        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *references)
+        start, goal = jnp.asarray(self.legs.start), jnp.asarray(self.legs.goal)
+        return Moves(start, stacked, Leg(start, goal, jnp.stack(arrivals)))
+
+    def run(
+        self,
+        law: AbstractController,
+        row: Float[Array, " parameter"],
+        move: Moves,
+        *,
+        collect: AbstractCollector = Everything(),
+        keep: bool = True,
+    ) -> Any:
+        """One bridge under a controller through one move (without the leading axis); see `loop.closed_loop`."""
+        initial = jnp.zeros(self._states, row.dtype).at[0].set(move.initial[0]).at[2].set(move.initial[1])
+        return closed_loop(
+            self.table.unravel(row),
+            law,
+            initial,
+            move.reference,
+            period=self.period,
+            substeps=self._substeps,
+            memory=self._memory,
+            collect=collect,
+            keep=keep,
+        )

@@ -1,0 +1,227 @@
+"""The numbers of a controller that are tuned, as free coordinates around the controller as it was given.
+
+All coordinates are 0 for the given controller and may take any value within bounds: what must stay positive is
+multiplied by an exponential, and corners of fuzzy sets are cumulated from positive gaps, so that they stay in order.
+Corners that coincide in the given controller (where one set ends and the next one peaks) go on coinciding, and a
+variable that is symmetric about the middle of its universe stays so.
+"""
+
+import abc
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..control.base import AbstractController
+from ..control.fuzzy import FuzzyController
+from ..fuzzy.inference import Mamdani
+from ..fuzzy.membership import Gaussian, Trapezoidal, Triangular
+from ..fuzzy.rules import Variable
+
+_SAME = 1e-9
+"""Share of a universe within which two corners coincide."""
+_GAP = 2.0
+"""Largest change of a gap or a scale, as a logarithm: a factor of 7 either way."""
+_LEAST_WEIGHT = -4.0
+"""Smallest logarithm of a rule's weight."""
+_CORNERS = {Triangular: ("left", "peak", "right"), Trapezoidal: ("left", "top_left", "top_right", "right")}
+
+
+@dataclasses.dataclass(frozen=True)
+class Knob:
+    """One free coordinate."""
+
+    name: str
+    low: float
+    high: float
+
+
+class AbstractKnobs(abc.ABC):
+    """Free coordinates of one kind of controller."""
+
+    knobs: tuple[Knob, ...]
+
+    @abc.abstractmethod
+    def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
+        """The controller at some coordinates, smooth if a softness is given."""
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest value of each coordinate."""
+        return np.array([knob.low for knob in self.knobs]), np.array([knob.high for knob in self.knobs])
+
+
+class PositiveKnobs(AbstractKnobs):
+    """Positive numbers of any controller, each multiplied by an exponential; zeros stay zeros."""
+
+    def __init__(self, law: AbstractController, names: tuple[str, ...]):
+        self._law = law
+        self._names = tuple(name for name in names if float(getattr(law, name)) != 0.0)
+        # Gains are guessed by orders of magnitude, not by percent.
+        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP) for name in self._names)
+
+    def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
+        values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, coordinates, strict=True)]
+        return eqx.tree_at(lambda law: [getattr(law, name) for name in self._names], self._law, values)
+
+
+class FuzzyKnobs(AbstractKnobs):
+    """Corners, widths and weights of both Mamdani systems, and the scales of the errors."""
+
+    def __init__(self, law: FuzzyController, *, weights: bool = True, sets: bool = True):
+        """
+        Args:
+            law: the controller as given.
+            weights: whether rule weights are tuned.
+            sets: whether fuzzy sets are tuned.
+        """
+        self._law = law
+        self._variables: list[tuple[str, str, int, _VariableKnobs, slice]] = []
+        knobs: list[Knob] = []
+        for axis in ("cart", "hoist"):
+            system = getattr(law, axis)
+            if not isinstance(system, Mamdani):
+                raise TypeError(f"only Mamdani systems are tuned, not a {type(system).__name__}")
+            for role in ("inputs", "outputs") if sets else ():
+                for place, variable in enumerate(getattr(system, role)):
+                    found = _VariableKnobs(variable)
+                    at = slice(len(knobs), len(knobs) + len(found.names))
+                    self._variables.append((axis, role, place, found, at))
+                    knobs += [Knob(f"{axis}.{variable.name}.{name}", -_GAP, _GAP) for name in found.names]
+        self._scales = len(knobs)
+        knobs += [Knob(f"{axis}.scale", -_GAP, _GAP) for axis in ("cart", "hoist")]
+        self._weights = len(knobs) if weights else None
+        if weights:
+            for axis in ("cart", "hoist"):
+                for number, rule in enumerate(getattr(law, axis).rules):
+                    most = -float(np.log(max(float(rule.weight), 1e-3)))
+                    knobs.append(Knob(f"{axis}.rule {number + 1}.weight", _LEAST_WEIGHT, most))
+        self.knobs = tuple(knobs)
+
+    def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> FuzzyController:
+        law = self._law
+        for axis, role, place, found, at in self._variables:
+            law = eqx.tree_at(
+                lambda law: getattr(getattr(law, axis), role)[place].sets, law, found.sets(coordinates[at])
+            )
+        scale = jnp.exp(coordinates[self._scales : self._scales + 2])
+        law = eqx.tree_at(
+            lambda law: (law.cart_scale, law.hoist_scale),
+            law,
+            (law.cart_scale * scale[0], law.hoist_scale * scale[1]),
+        )
+        if self._weights is not None:
+            begin = self._weights
+            for axis in ("cart", "hoist"):
+                rules = getattr(law, axis).rules
+                given = [rule.weight for rule in rules]
+                factors = jnp.exp(coordinates[begin : begin + len(rules)])
+                law = eqx.tree_at(
+                    lambda law: [rule.weight for rule in getattr(law, axis).rules],
+                    law,
+                    [weight * factor for weight, factor in zip(given, factors, strict=True)],
+                )
+                begin += len(rules)
+        if softness is None:
+            return law
+        return dataclasses.replace(law, softness=softness)
+
+
+class _VariableKnobs:
+    """The sets of one variable through breakpoints in ascending order, and the widths of its bells."""
+
+    def __init__(self, variable: Variable):
+        self._variable = variable
+        low, high = float(variable.low), float(variable.high)
+        self._span = high - low
+        middle = 0.5 * (low + high)
+        self._symmetric = _is_symmetric(variable, middle, self._span)
+        self._origin = middle if self._symmetric else low
+        self._end = high - self._origin
+        corners: list[float] = []
+        self._bells: list[str] = []
+        for label, member in zip(variable.labels, variable.sets, strict=True):
+            if type(member) in _CORNERS:
+                corners += [float(getattr(member, name)) for name in _CORNERS[type(member)]]
+            elif isinstance(member, Gaussian):
+                corners.append(float(member.centre))
+                key = self._twin(label)
+                if key not in self._bells:
+                    self._bells.append(key)
+        away = np.abs(np.array(corners) - self._origin)
+        away = np.unique(np.round(away / self._span, 12)) * self._span
+        inside = (away > _SAME * self._span) & (away < self._end - _SAME * self._span)
+        self._points = away[inside]
+        self.names = tuple(f"breakpoint {i + 1}" for i in range(len(self._points)))
+        self.names += tuple(f"{label}.width" for label in self._bells)
+
+    def _twin(self, label: str) -> str:
+        """A label, or that of its mirror image if this is symmetric and comes first."""
+        if not self._symmetric:
+            return label
+        labels = self._variable.labels
+        place = labels.index(label)
+        return labels[max(place, len(labels) - 1 - place)]
+
+    def sets(self, coordinates: Float[Array, " knob"]) -> tuple[Any, ...]:
+        count = len(self._points)
+        gaps = jnp.diff(self._points, prepend=0.0) * jnp.exp(coordinates[:count])
+        points = jnp.minimum(jnp.cumsum(gaps), self._end)
+        widths = dict(zip(self._bells, jnp.exp(coordinates[count:]), strict=True))
+
+        def moved(value: Array) -> Array:
+            away = float(value) - self._origin
+            near = np.flatnonzero(np.abs(self._points - abs(away)) <= 2 * _SAME * self._span)
+            return value if not len(near) else self._origin + np.sign(away) * points[int(near[0])]
+
+        out = []
+        for label, member in zip(self._variable.labels, self._variable.sets, strict=True):
+            if type(member) in _CORNERS:
+                out.append(type(member)(*(moved(getattr(member, name)) for name in _CORNERS[type(member)])))
+            elif isinstance(member, Gaussian):
+                out.append(Gaussian(member.width * widths[self._twin(label)], moved(member.centre)))
+            else:
+                out.append(member)
+        return tuple(out)
+
+
+def _is_symmetric(variable: Variable, middle: float, span: float) -> bool:
+    """Whether the sets of a variable are each other's mirror images about the middle."""
+    for member, other in zip(variable.sets, reversed(variable.sets), strict=True):
+        if type(member) is not type(other):
+            return False
+        if type(member) in _CORNERS:
+            names = _CORNERS[type(member)]
+            own = [float(getattr(member, name)) - middle for name in names]
+            twin = [middle - float(getattr(other, name)) for name in reversed(names)]
+        elif isinstance(member, Gaussian) and isinstance(other, Gaussian):
+            own = [float(member.centre) - middle, float(member.width)]
+            twin = [middle - float(other.centre), float(other.width)]
+        else:
+            return False
+        if not np.allclose(own, twin, rtol=0.0, atol=_SAME * span):
+            return False
+    return True
+
+
+def knobs_of(law: AbstractController) -> AbstractKnobs:
+    """The coordinates of a controller that can be tuned.
+
+    Raises:
+        TypeError: it has none.
+    """
+    if isinstance(law, FuzzyController):
+        return FuzzyKnobs(law)
+    names = getattr(law, "tunable", ())
+    if not names:
+        raise TypeError(f"a {type(law).__name__} has nothing to tune")
+    return PositiveKnobs(law, tuple(names))
+
+
+def as_given(law: AbstractController) -> AbstractController:
+    """The controller with plain arrays, as one traced program takes it."""
+    return jax.tree.map(jnp.asarray, law)

@@ -1,0 +1,153 @@
+"""What a move is judged by, as functions with gradients: error, settling, swing, overshoot, effort, chatter.
+
+Where a measure counts (time outside a band, say), the count is blurred over a fraction of the band, so that it has a
+slope; what is reported about a tuned controller is measured anew by `control.measures`.
+"""
+
+import abc
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._math import sincos
+from .._types import Scalar
+from ..control.measures import NEAR
+from ..loop import Response
+
+_EVEN = 1e-3
+"""Blur of an absolute value [m]: a tenth of what counts as near."""
+_LATE = 0.75
+"""Share of the rest after which the swing counts as residual."""
+
+
+class Leg(NamedTuple):
+    """What a move is measured against."""
+
+    start: Array
+    """Cart position and rope length at its beginning [m]."""
+    goal: Array
+    """The same at its end [m]."""
+    arrival: Array
+    """When the reference comes to rest [s]."""
+
+
+class AbstractObjective(eqx.Module):
+    """A number of one move that is to be small."""
+
+    name: eqx.AbstractClassVar[str]
+    unit: eqx.AbstractClassVar[str]
+
+    @abc.abstractmethod
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        """The number, from the samples of one move."""
+
+
+def _errors(response: Response, leg: Leg) -> tuple[Array, Array]:
+    return response.q.x - leg.goal[0], response.q.l - leg.goal[1]
+
+
+def _size(value: Array) -> Array:
+    return jnp.sqrt(value * value + _EVEN**2) - _EVEN
+
+
+class Itae(AbstractObjective):
+    """Time-weighted absolute error of cart and rope to the goal."""
+
+    name: ClassVar[str] = "itae"
+    unit: ClassVar[str] = "m s^2"
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        x, l = _errors(response, leg)
+        period = response.times[1] - response.times[0]
+        return jnp.sum(response.times * (_size(x) + _size(l))) * period
+
+
+class Settling(AbstractObjective):
+    """Time that the load spends farther than 1 cm from the goal, sideways or in height."""
+
+    name: ClassVar[str] = "settling"
+    unit: ClassVar[str] = "s"
+    blur: Scalar | float = 0.005
+    """Distance over which being outside turns into being inside [m]."""
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        x, l = _errors(response, leg)
+        sideways = x + response.q.l * sincos(response.q.psi)[0]
+        period = response.times[1] - response.times[0]
+        away = jnp.maximum(jnp.abs(sideways), jnp.abs(l))
+        return jnp.sum(0.5 + 0.5 * jnp.tanh((away - NEAR) / self.blur)) * period
+
+
+class ResidualSwing(AbstractObjective):
+    """Root mean square of the swing angle once the reference has come to rest."""
+
+    name: ClassVar[str] = "residual_swing"
+    unit: ClassVar[str] = "rad"
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        late = response.times >= leg.arrival + _LATE * (response.times[-1] - leg.arrival)
+        return jnp.sqrt(jnp.sum(jnp.where(late, response.q.psi**2, 0.0)) / jnp.sum(late) + 1e-12)
+
+
+class Overshoot(AbstractObjective):
+    """Largest distance beyond the goal, of cart and rope together."""
+
+    name: ClassVar[str] = "overshoot"
+    unit: ClassVar[str] = "m"
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        way = jnp.sign(leg.goal - leg.start)
+        x, l = _errors(response, leg)
+        return jnp.maximum(jnp.max(way[0] * x), 0.0) + jnp.maximum(jnp.max(way[1] * l), 0.0)
+
+
+class Effort(AbstractObjective):
+    """Mean square voltage of both drives."""
+
+    name: ClassVar[str] = "effort"
+    unit: ClassVar[str] = "V^2"
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        return jnp.mean(jnp.sum(response.command**2, axis=1))
+
+
+class Chatter(AbstractObjective):
+    """Mean square change of the voltages from sample to sample."""
+
+    name: ClassVar[str] = "chatter"
+    unit: ClassVar[str] = "V^2"
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        return jnp.mean(jnp.sum(jnp.diff(response.command, axis=0) ** 2, axis=1))
+
+
+class Goal(eqx.Module):
+    """A weighted sum of objectives."""
+
+    parts: tuple[AbstractObjective, ...]
+    weights: tuple[float, ...]
+
+    def __check_init__(self) -> None:
+        if len(self.parts) != len(self.weights):
+            raise ValueError(f"{len(self.weights)} weights for {len(self.parts)} objectives")
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        return sum(
+            (weight * part(response, leg) for part, weight in zip(self.parts, self.weights, strict=True)),
+            start=jnp.zeros(()),
+        )
+
+
+OBJECTIVES: dict[str, type[AbstractObjective]] = {
+    cls.name: cls for cls in (Itae, Settling, ResidualSwing, Overshoot, Effort, Chatter)
+}
+
+
+def usual_goal() -> Goal:
+    """Settling and error first, then swing and overshoot, and a voltage that does not chatter."""
+    return Goal(
+        (Itae(), Settling(), ResidualSwing(), Overshoot(), Chatter()),
+        (1.0, 1.0, 20.0, 20.0, 0.5),
+    )

@@ -1,0 +1,170 @@
+"""`tune`: a controller made better by gradients through simulated moves on many bridges at once."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import optax
+from numpy.typing import NDArray
+
+from ..control.files import Controller
+from ..errors import InputError
+from ..model.files import Model, requires
+from .cost import Cost, measure
+from .ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
+from .knobs import AbstractKnobs, knobs_of
+from .objectives import Goal, usual_goal
+
+SOFT, HARD = 0.3, 0.03
+"""Softness at the beginning and at the end."""
+_RATE = 0.05
+"""Step length at the beginning, in logarithms of the controller's numbers."""
+_SPREAD = 0.3
+"""Standard deviation of further starts about the given controller."""
+_TRIAL = 5
+"""Share of the steps, one in so many, after which only the best start goes on."""
+_HELD_OUT_MOVES = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuning:
+    """A tuned controller and how it compares."""
+
+    controller: Controller
+    """Tuned; with the textbook's inference."""
+    given: Controller
+    coordinates: Mapping[str, float]
+    """How far each number was moved, as a logarithm (0: not at all)."""
+    history: NDArray[np.float64]
+    """Smooth cost after each step of the start that won."""
+    softness: NDArray[np.float64]
+    """Softness of each step."""
+    costs: Mapping[str, tuple[float, float]]
+    """Cost with the textbook's inference, before and after: `train` and `held_out`."""
+    measures: Mapping[str, tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]]
+    """The same by name, `(bridge, move)`, before and after, units as in `summaries.UNITS`."""
+    train: Legs
+    held_out: Legs
+    rollouts: int
+    """Simulated moves, gradients counted once."""
+    seconds: float
+
+
+def tune(
+    model: Model,
+    controller: Controller,
+    *,
+    goal: Goal | None = None,
+    legs: Legs | None = None,
+    plants: int = 64,
+    held_out: int = 64,
+    steps: int = 200,
+    starts: int = 3,
+    scatter: Scatter = Scatter(),
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Tuning:
+    """Moves a controller's numbers so that it does well on many bridges about a model.
+
+    Args:
+        model: in the middle of the ensemble, with all three axes.
+        controller: what is tuned: a fuzzy controller's sets, scales and rule weights, or another law's gains.
+        goal: what is to be small; `objectives.usual_goal` by default.
+        legs: moves to learn from; the paper's two by default.
+        plants: bridges to learn from, the model itself among them.
+        held_out: further bridges, on which random other moves are made; they choose nothing.
+        steps: gradient steps.
+        starts: number of starts, the given controller first; after a fifth of the steps only the best goes on.
+        scatter: how far bridges lie from the model.
+        seed: of bridges, moves and starts.
+        progress: told what goes on, a short text at a time.
+
+    Raises:
+        InputError: the model lacks a part of the bridge.
+        TypeError: the controller has nothing that can be tuned.
+    """
+    begun = time.perf_counter()
+    tell = progress or (lambda text: None)
+    requires(model, ("x", "psi", "l"))
+    if min(plants, held_out, steps, starts) < 1:
+        raise InputError("plants, held_out, steps and starts must be at least 1")
+    legs = paper_legs() if legs is None else legs
+    knobs = knobs_of(controller.law)
+    period = controller.period
+    course = Course(model.plant, scattered(model.plant, plants, seed, scatter), legs, period)
+    others = Course(
+        model.plant,
+        scattered(model.plant, held_out + 1, seed + 1, scatter)[1:],
+        random_legs(_HELD_OUT_MOVES, seed + 1, seconds=legs.seconds, speed=legs.speed),
+        period,
+    )
+    cost = Cost(course, knobs, goal or usual_goal())
+    far = Cost(others, knobs, goal or usual_goal())
+    z, history, softness, rollouts = _descend(cost, knobs, steps, starts, seed, tell)
+    tell("measuring on other bridges and moves")
+    none = np.zeros_like(z)
+    costs = {"train": (cost.hard(none), cost.hard(z)), "held_out": (far.hard(none), far.hard(z))}
+    tuned = knobs.set(jnp.asarray(z))
+    given = knobs.set(jnp.asarray(none))
+    measures = {
+        name: (measure(where, given), measure(where, tuned))
+        for name, where in (("train", course), ("held_out", others))
+    }
+    return Tuning(
+        Controller(tuned, period, controller.source),
+        controller,
+        {knob.name: float(value) for knob, value in zip(knobs.knobs, z, strict=True)},
+        history,
+        softness,
+        costs,
+        measures,
+        legs,
+        others.legs,
+        rollouts,
+        time.perf_counter() - begun,
+    )
+
+
+def _descend(
+    cost: Cost, knobs: AbstractKnobs, steps: int, starts: int, seed: int, tell: Callable[[str], None]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
+    """Adam with a softness that shrinks; the best start, judged with the textbook's inference, goes to the end."""
+    low, high = knobs.bounds()
+    rng = np.random.default_rng(seed)
+    softness = np.geomspace(SOFT, HARD, steps)
+    schedule = optax.cosine_decay_schedule(_RATE, steps, alpha=0.05)
+    adam = optax.chain(optax.clip_by_global_norm(1.0), optax.adam(schedule))
+    trial = max(1, steps // _TRIAL) if starts > 1 else steps
+    begins = [np.zeros(len(low))]
+    begins += [np.clip(_SPREAD * rng.standard_normal(len(low)), low, high) for _ in range(starts - 1)]
+    rollouts = 0
+
+    def go(z: NDArray[np.float64], state: optax.OptState, first: int, last: int, which: str) -> Any:
+        nonlocal rollouts
+        course = []
+        for step in range(first, last):
+            value, slope = cost.gradient(z, float(softness[step]))
+            rollouts += cost.count
+            if step % 10 == 0:
+                tell(f"step {step} of {steps}{which}: cost {value:.3g}")
+            course.append(value)
+            # A rollout that runs away has no slope to follow.
+            update, state = adam.update(jnp.asarray(np.nan_to_num(slope)), state)
+            z = np.clip(z + np.asarray(update), low, high)
+        return z, state, course
+
+    runs = []
+    for number, begin in enumerate(begins):
+        which = f", start {number + 1} of {starts}" if starts > 1 else ""
+        z, state, course = go(begin, adam.init(jnp.asarray(begin)), 0, trial, which)
+        runs.append((cost.hard(z), z, state, course))
+        rollouts += cost.count
+    _, z, state, course = min(runs, key=lambda run: run[0] if np.isfinite(run[0]) else np.inf)
+    z, _, rest = go(z, state, trial, steps, "")
+    candidates = [np.zeros_like(z), z, *(run[1] for run in runs)]
+    rollouts += cost.count * len(candidates)
+    best = min(candidates, key=lambda z: (lambda c: c if np.isfinite(c) else np.inf)(cost.hard(z)))
+    return best, np.array(course + rest), softness, rollouts
