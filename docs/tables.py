@@ -13,7 +13,11 @@ ROOT = Path(__file__).parents[1]
 
 def main() -> None:
     readme = ROOT / "README.md"
-    text = readme.read_text(encoding="utf-8")
+    readme.write_text(with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def with_tables(text: str) -> str:
+    """The README's text with its tables as they are in figures/."""
     for name in re.findall(r"<!-- end of ([\w-]+) -->", text):
         source = ROOT / "figures" / f"{name}.md"
         if not source.exists():
@@ -23,9 +27,9 @@ def main() -> None:
         before, rest = text.split(begin)
         # In the README a table's headings stand below the section's.
         content = re.sub(r"^(#+ )", r"##\1", source.read_text(encoding="utf-8").strip(), flags=re.MULTILINE)
+        content = re.sub(r"\]\(([\w-]+\.md)\)", r"](figures/\1)", content)
         text = f"{before}{begin}\n\n{content}\n\n{end}{rest.split(end)[1]}"
-        print(f"{name}: inserted")
-    readme.write_text(text, encoding="utf-8")
+    return text
 
 
 if __name__ == "__main__":

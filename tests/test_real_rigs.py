@@ -104,12 +104,21 @@ def test_table_and_pictures_come_from_kept_numbers(tmp_path):
     law = {"positive": 2.0 + 0.0 * t, "negative": 4.0 - 0.2 * t}
     knots = {"value": [2.0, 4.0], "low": [1.9, 3.9], "high": [2.1, 4.1]}
     distance = {key: {"mean": 0.1, "rms": 0.2, "correlation": 0.9} for key in law}
-    found = {"x": t, "found": law, "published": law, "diagnosed": law, "distance": distance, "cart_mass": 6.2}
+    found = {
+        "x": t,
+        "found": law,
+        "published": law,
+        "diagnosed": law,
+        "distance": distance,
+        "cart_mass": 6.2,
+        "window": 0.5,
+    }
     kept["map"] = {"cart": found | {"knots": [0.0, 9.0], "knot_positive": knots, "knot_negative": knots}}
     rows = figures.level_rows(kept["levels"])
     assert len(rows) == 20 and all(row["beaten_held_out"] for row in rows)
     text = figures.table(kept)
-    assert "beats the better published figure in 20 of 20 rows" in text
+    assert "beats the better published figure in 20 of 20 rows" in " ".join(text.split())
+    assert figures.levels_table(rows).count("| yes |") == 20
     assert all(source in text for source in SOURCES.values())
     assert "coulomb friction@swing (p 0.90; or load drag@swing)" in text
     (tmp_path / "data").mkdir()

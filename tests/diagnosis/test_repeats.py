@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jbridge.diagnosis.repeats import repeating_share
+from jbridge.diagnosis.repeats import _edges, repeating_share
+from jbridge.identify.force_balance import Balance
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import Setting, lanes_for
 from tests.identify.cases import DRY, NOISE, play, steps
@@ -45,3 +46,18 @@ def test_noise_does_not():
 def test_one_recording_is_taken_in_quarters():
     assert share_of(ripple(0.4))["x"] > 0.1
     assert share_of([]).get("x", 0.0) < 0.05
+
+
+def test_a_channel_that_flickers_once_is_no_place():
+    """Its range is not nothing, but nearly all of its values are one."""
+    steady = np.full(2000, 0.7)
+    flicker = steady.copy()
+    flicker[5:7] += 1e-4
+    force = np.random.default_rng(0).normal(size=2000)
+    motion = np.sin(np.arange(2000) * 0.01)
+    runs = [
+        Balance(np.arange(2000) * 0.005, {"x": motion, "l": flicker}, {"x": motion}, {"x": force}, {"u_x": motion})
+        for _ in range(3)
+    ]
+    edges = _edges(runs, "x")
+    assert "l" not in edges and {"x", "v_x", "u_x"} <= set(edges)

@@ -102,3 +102,14 @@ def test_the_first_guess_is_near_the_truth():
     np.testing.assert_allclose(batch.initial[0, [0, 3]], [0.5, 0.3], atol=1e-9)
     # What does not move is held.
     assert np.isinf(batch.prior[0, [1, 2, 4, 5]]).all()
+
+
+def test_a_run_that_begins_at_rest_may_not_be_pushed():
+    times = even(2.0)
+    rng = np.random.default_rng(0)
+    x = 0.5 + NOISE["x"] * rng.uniform(-1.0, 1.0, len(times))
+    resting = make_recording("rest.csv", times, u_x=np.zeros_like(times), x=x)
+    moving = make_recording("moves.csv", times, u_x=np.zeros_like(times), x=x + 0.1 * times)
+    batch = make_batch([resting, moving], NOISE)
+    assert batch.initial[0, 3] == 0.0 and np.isinf(batch.prior[0, 3])
+    assert batch.initial[1, 3] == pytest.approx(0.1, abs=0.02) and np.isfinite(batch.prior[1, 3])
