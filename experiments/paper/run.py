@@ -12,13 +12,11 @@ import dataclasses
 import json
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 import jbridge
 from procedure import plan, steps
-from virtual import HERE, RAIL, open_truth, play
+from virtual import HERE, RAIL, open_truth, play, sampled
 
 ROOT = HERE.parent.parent
 OUT = ROOT / "out" / "paper"
@@ -129,27 +127,6 @@ def control() -> dict:
 
 def listed(run: dict) -> dict[str, list[float]]:
     return {name: np.asarray(values).tolist() for name, values in run.items()}
-
-
-def sampled(controller: "jbridge.Controller", path: "jbridge.Path"):
-    """The controller as the rig's computer runs it: asked every 20 ms, its voltages held in between."""
-    law, period = controller.law, controller.period
-    ask = jax.jit(lambda *given: law.command(*given))
-    memory: dict = {"state": None, "next": 0, "volts": (0.0, 0.0)}
-
-    def voltages(t: float, reading: dict[str, float]) -> tuple[float, float]:
-        if t >= memory["next"] * period - 1e-9:
-            k = min(memory["next"], len(path.times) - 1)
-            measured = jbridge.Axes(*(jnp.asarray(reading[name]) for name in ("x", "psi", "l")))
-            if memory["state"] is None:
-                memory["state"] = law.start(measured)
-            wanted = jbridge.Reference(*(jnp.asarray(values[k]) for values in path[1:]))
-            volts, memory["state"] = ask(memory["state"], measured, wanted, period)
-            memory["volts"] = (float(volts[0]), float(volts[1]))
-            memory["next"] += 1
-        return memory["volts"]
-
-    return voltages
 
 
 def diagnose() -> dict:

@@ -14,7 +14,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+
+import jbridge
 
 HERE = Path(__file__).resolve().parent
 sys.path.append(str(HERE.parent / "concealed"))
@@ -68,6 +72,27 @@ def play(law: Law, seconds: float, seed: int, **start: float) -> dict[str, np.nd
     from rig import simulate
 
     return simulate(open_truth(), law, seconds, seed, start)
+
+
+def sampled(controller: jbridge.Controller, path: jbridge.Path) -> Law:
+    """The controller as the rig's computer runs it: asked every 20 ms, its voltages held in between."""
+    law, period = controller.law, controller.period
+    ask = jax.jit(lambda *given: law.command(*given))
+    memory: dict = {"state": None, "next": 0, "volts": (0.0, 0.0)}
+
+    def voltages(t: float, reading: dict[str, float]) -> tuple[float, float]:
+        if t >= memory["next"] * period - 1e-9:
+            k = min(memory["next"], len(path.times) - 1)
+            measured = jbridge.Axes(*(jnp.asarray(reading[name]) for name in ("x", "psi", "l")))
+            if memory["state"] is None:
+                memory["state"] = law.start(measured)
+            wanted = jbridge.Reference(*(jnp.asarray(values[k]) for values in path[1:]))
+            volts, memory["state"] = ask(memory["state"], measured, wanted, period)
+            memory["volts"] = (float(volts[0]), float(volts[1]))
+            memory["next"] += 1
+        return memory["volts"]
+
+    return voltages
 
 
 if __name__ == "__main__":

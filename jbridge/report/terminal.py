@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
-from ..identify.result import Estimate, Fit
+from ..identify.result import Estimate, Fit, Trace
 from .as_json import INPUT_FILE
 from .files import PathLike
 from .places import when_sentences, where_sentences
@@ -38,7 +38,7 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
     for effect in diagnosis.effects:
         lines += _effect(effect, diagnosis)
     lines += ["", *_fit(diagnosis)]
-    lines += _remarks(diagnosis.warnings, diagnosis.notes)
+    lines += _remarks(diagnosis.warnings, diagnosis.notes, diagnosis.traces)
     if diagnosis.next_experiment is not None:
         where = f" (input in {Path(folder) / INPUT_FILE})" if folder is not None else ""
         lines += ["", *_wrapped("Record next", diagnosis.next_experiment.purpose + where)]
@@ -65,7 +65,7 @@ def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
         if errors is not None:
             lines += ["", *_errors(f"{which}, whole recordings", None, errors.free_run, fit.noise)]
             lines += _errors(f"{which}, windows of {fit.window:g} s", None, errors.window, fit.noise)
-    lines += _remarks(fit.warnings, fit.notes)
+    lines += _remarks(fit.warnings, fit.notes, fit.traces)
     if folder is not None:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
         lines += [f"{'':{_INDENT}}{Path(folder) / 'fit.json'}, {Path(folder) / 'model.toml'}"]
@@ -139,8 +139,11 @@ def _errors(
     ]
 
 
-def _remarks(warnings: Iterable[str], notes: Iterable[str]) -> list[str]:
-    named = [("Warning", text) for text in warnings] + [("Note", text) for text in notes]
+def _remarks(warnings: Iterable[str], notes: Iterable[str], traces: Iterable[Trace]) -> list[str]:
+    """Warnings, and notes on the run as a whole; how each recording was read is told by the page."""
+    files = tuple(f"{trace.recording}: " for trace in traces)
+    named = [("Warning", text) for text in warnings]
+    named += [("Note", text) for text in notes if not text.startswith(files)]
     lines = [line for name, text in named for line in _wrapped(name, text)]
     return ["", *lines] if lines else []
 

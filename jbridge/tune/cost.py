@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..control.base import AbstractController
 from ..summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
-from .knobs import AbstractKnobs
+from .knobs import AbstractKnobs, as_arrays
 from .objectives import Goal
 
 _ABREAST = 64
@@ -47,41 +47,48 @@ class Cost:
         ]
         self._blocks = list(zip(rows, moves, strict=True))
 
-        def total(z: Array, softness: Array, rows: Array, moves: Moves, *, smooth: bool) -> Array:
-            law = knobs.set(z, softness if smooth else None)
+        self._knobs = knobs
+        self._compiled: set[int] = set()
 
+        def total(law: AbstractController, rows: Array, moves: Moves) -> Array:
             def one(row: Array, move: Moves) -> Array:
                 return goal(course.run(law, row, move, keep=False), move.leg)
 
             return jnp.sum(jax.vmap(one)(rows, moves))
 
-        self._hard = jax.jit(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=False))
-        self._smooth = jax.jit(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=True))
-        self._gradient = jax.jit(jax.value_and_grad(lambda z, s, rows, moves: total(z, s, rows, moves, smooth=True)))
+        def smooth(z: Array, softness: Array, rows: Array, moves: Moves) -> Array:
+            return total(knobs.set(z, softness), rows, moves)
+
+        self._total = jax.jit(total)
+        self._gradient = jax.jit(jax.value_and_grad(smooth))
+
+    def of(self, law: AbstractController) -> float:
+        """The cost of a controller of the same structure."""
+        return float(sum(self._each(self._total, as_arrays(law)))) / self.count
 
     def hard(self, z: NDArray[np.float64]) -> float:
         """The cost of the controller with the textbook's inference."""
-        return float(sum(self._each(self._hard, z, 0.0))) / self.count
+        return self.of(self._knobs.set(jnp.asarray(z)))
 
     def smooth(self, z: NDArray[np.float64], softness: float) -> float:
         """The cost of the smooth controller."""
-        return float(sum(self._each(self._smooth, z, softness))) / self.count
+        return self.of(self._knobs.set(jnp.asarray(z), softness))
 
     def gradient(self, z: NDArray[np.float64], softness: float) -> tuple[float, NDArray[np.float64]]:
         """The cost of the smooth controller, and its gradient."""
-        found = self._each(self._gradient, z, softness)
+        found = self._each(self._gradient, jnp.asarray(z), jnp.asarray(float(softness)))
         value = sum(float(value) for value, _ in found) / self.count
         return value, np.sum([np.asarray(slope) for _, slope in found], axis=0) / self.count
 
-    def _each(self, program: Any, z: NDArray[np.float64], softness: float) -> list[Any]:
+    def _each(self, program: Any, *given: Any) -> list[Any]:
         def one(block: tuple[NDArray[np.float64], Moves]) -> Any:
-            return jax.block_until_ready(program(jnp.asarray(z), jnp.asarray(float(softness)), *block))
+            return jax.block_until_ready(program(*given, *block))
 
-        first = one(self._blocks[0]) if not program._cache_size() else None  # alone: the others find it compiled
-        rest = self._blocks if first is None else self._blocks[1:]
+        begun = 0 if id(program) in self._compiled else 1
+        found = [one(block) for block in self._blocks[:begun]]  # alone: the others find it compiled
+        self._compiled.add(id(program))
         with ThreadPoolExecutor(_threads()) as pool:
-            found = list(pool.map(one, rest))
-        return found if first is None else [first, *found]
+            return [*found, *pool.map(one, self._blocks[begun:])]
 
 
 def measure(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -19,7 +19,7 @@ from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
 from ..model.effects.friction import CoulombFriction, PositionDependentFriction, PositionDirectionFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..signals import along, durations
+from ..signals import Path, along, durations
 from .objectives import Leg
 
 _STEP = 0.005
@@ -128,14 +128,23 @@ class Moves(NamedTuple):
 class Course:
     """One plant's structure with moves: runs controllers on many bridges."""
 
-    def __init__(self, plant: Plant, rows: NDArray[np.float64], legs: Legs, period: float):
+    def __init__(
+        self,
+        plant: Plant,
+        rows: NDArray[np.float64],
+        legs: Legs,
+        period: float,
+        prepare: Callable[[Path], Path] | None = None,
+    ):
         """
         Args:
             plant: structure of all bridges.
             rows: their parameters, `(bridge, parameter)`.
             legs: what every bridge is moved through.
             period: of the controller's sampling [s].
+            prepare: what is done to the reference before a controller sees it (`control.shaping.shaped`).
         """
+        self._prepare = prepare
         self.table = ParameterTable(plant)
         self.rows = rows
         self.legs = legs
@@ -147,16 +156,26 @@ class Course:
         self.moves = self._moves()
 
     def _moves(self) -> Moves:
-        times = np.arange(self.count) * self.period
         references, arrivals = [], []
-        for start, goal in zip(self.legs.start, self.legs.goal, strict=True):
-            points, speed = jnp.asarray(np.stack([start, goal])), jnp.asarray(self.legs.speed)
-            place, rate = along(points, speed, jnp.asarray(0.0), jnp.asarray(times))
-            references.append(Reference(place[:, 0], place[:, 1], rate[:, 0], rate[:, 1]))
-            arrivals.append(durations(points, speed)[0])
+        for number in range(len(self.legs)):
+            path = self.path(number)
+            references.append(Reference(*(jnp.asarray(values) for values in path[1:])))
+            points = jnp.asarray(np.stack([self.legs.start[number], self.legs.goal[number]]))
+            arrivals.append(durations(points, jnp.asarray(self.legs.speed))[0])
         stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *references)
         start, goal = jnp.asarray(self.legs.start), jnp.asarray(self.legs.goal)
         return Moves(start, stacked, Leg(start, goal, jnp.stack(arrivals)))
+
+    def path(self, number: int) -> Path:
+        """The reference of one move, as the controller is given it."""
+        times = self.period * np.arange(self.count, dtype=float)
+        points = jnp.asarray(np.stack([self.legs.start[number], self.legs.goal[number]]))
+        place, rate = along(points, jnp.asarray(self.legs.speed), jnp.asarray(0.0), jnp.asarray(times))
+        columns = (place[:, 0], place[:, 1], rate[:, 0], rate[:, 1])
+        path = Path(times, *(np.asarray(values) for values in columns))
+        if self._prepare is None:
+            return path
+        return Path(*(values[: self.count] for values in self._prepare(path)))
 
     def run(
         self,

@@ -222,6 +222,6 @@ def knobs_of(law: AbstractController) -> AbstractKnobs:
     return PositiveKnobs(law, tuple(names))
 
 
-def as_given(law: AbstractController) -> AbstractController:
-    """The controller with plain arrays, as one traced program takes it."""
+def as_arrays(law: AbstractController) -> AbstractController:
+    """The controller with arrays for numbers, so that its program serves all of the same structure."""
     return jax.tree.map(jnp.asarray, law)

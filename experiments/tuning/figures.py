@@ -1,0 +1,118 @@
+"""Table and pictures of the tuning, from the kept numbers."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import jbridge
+from jbridge.report.figures.fuzzy import draw_changed_sets, draw_ensemble, draw_surfaces
+from jbridge.report.figures.style import Picture
+from jbridge.report.figures.tracking import draw_positions
+
+COMPARED = ("paper", "paper tuned", "extended tuned", "LQR", "PID tuned, ZVD")
+"""Controllers that the pictures show."""
+_LATE = 100.0
+"""Stands for never, beyond every panel."""
+
+
+def draw(folder: Path) -> None:
+    """Writes `tuning-table.md` and `tuning-*.png`."""
+    data = folder / "data" / "tuning.json"
+    if not data.exists():
+        print(f"no numbers in {data} yet")
+        return
+    kept = json.loads(data.read_text())
+    (folder / "tuning-table.md").write_text(table(kept), encoding="utf-8")
+    for picture in pictures(kept, folder.parent / "out" / "tuning"):
+        (folder / f"{picture.name}.png").write_bytes(picture.png)
+
+
+def _values(kept: Mapping, name: str, course: str, key: str) -> NDArray[np.float64]:
+    found = kept["controllers"][name]["measures"][course][key]
+    return np.array([[np.nan if value is None else value for value in row] for row in found], dtype=float)
+
+
+def _spread(values: NDArray[np.float64], factor: float = 1.0) -> str:
+    filled = np.where(np.isnan(values), np.inf, factor * values)
+    middle, worst = float(np.median(filled)), float(filled.max())
+    never = int(np.isinf(filled).sum())
+    said = f"{never} of {filled.size} never" if never else f"{worst:.3g}"
+    return f"{middle:.3g} ({said})" if np.isfinite(middle) else f"never ({said})"
+
+
+def _number(value: float | None, factor: float = 1.0, digits: int = 3) -> str:
+    return "never" if value is None else f"{factor * value:.{digits}g}"
+
+
+def table(kept: Mapping) -> str:
+    """Every controller on the virtual rig and on held-out bridges."""
+    lines = [
+        "# Controllers compared",
+        "",
+        "The paper's two moves on the virtual rig (10 s each), and 4 random moves on each of 200 held-out bridges:",
+        "friction by a third, load mass by half, dead zones and lag by 0.3 about the fitted model. Settled: the load",
+        "is within 1 cm of the goal for good. Swing: largest angle over the last quarter of the rest. ITAE: of cart",
+        "and rope. Of ensembles the median, the worst in brackets. Redrawn by",
+        "`python experiments/tuning/run.py --figures`.",
+        "",
+        "| controller | rig: settled [s] | swing [deg] | overshoot x, l [%] | ITAE [m s^2] |"
+        " held out: settled [s] | swing [deg] | ITAE [m s^2] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, entry in kept["controllers"].items():
+        rig = entry["rig"]
+        settled = ", ".join(_number(run["settling"]["load"]) for run in rig)
+        swing = ", ".join(_number(run["swing"], 180 / np.pi, 2) for run in rig)
+        beyond = ", ".join(f"{100 * max(run['overshoot'].values()):.2g}" for run in rig)
+        itae = ", ".join(f"{sum(run['itae'].values()):.3g}" for run in rig)
+        held = [_values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing")]
+        errors = _values(kept, name, "held_out", "itae_x") + _values(kept, name, "held_out", "itae_l")
+        others = " | ".join((_spread(held[0]), _spread(held[1], 180 / np.pi), _spread(errors)))
+        lines.append(f"| {name} | {settled} | {swing} | {beyond} | {itae} | {others} |")
+    lines += ["", "| tuned by | rollouts | seconds | cost at the end |", "|---|---|---|---|"]
+    for name, entry in kept.get("tuning", {}).items():
+        costs = [value for value in entry["history"] if value is not None]
+        lines.append(f"| {name} | {entry['rollouts']:,} | {entry['seconds']:.0f} | {costs[-1]:.3g} |")
+    return "\n".join([*lines, ""])
+
+
+def pictures(kept: Mapping, tuned: Path) -> list[Picture]:
+    shown = [name for name in COMPARED if name in kept["controllers"]]
+    found = {
+        name: {key: _values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing", "itae_x")}
+        for name in shown
+    }
+    out = [
+        draw_ensemble(
+            "tuning-ensemble",
+            "200 held-out bridges, 4 moves each",
+            found,
+            {
+                "settling_load": ("load settled [s]", 1.0),
+                "residual_swing": ("swing left [deg]", 180 / np.pi),
+                "itae_x": ("ITAE of x [m s^2]", 1.0),
+            },
+            "How many stay below a value; a line that ends below 100 % has moves that never settle.",
+        )
+    ]
+    for number in range(2):
+        runs = {}
+        for name in shown[:4]:
+            run = kept["controllers"][name]["rig"][number]["run"]
+            runs[name] = {key: np.array(values, dtype=float) for key, values in run.items()}
+        reference = kept["controllers"][shown[0]]["rig"][number]["reference"]
+        wanted = {key: np.array(values, dtype=float) for key, values in reference.items()}
+        title = f"Move {number + 1} on the virtual rig"
+        out.append(draw_positions(f"tuning-move-{number + 1}", title, wanted, runs))
+    for name in ("paper", "extended"):
+        files = [tuned / f"{name}.toml", tuned / f"{name}-tuned.toml"]
+        if all(path.exists() for path in files):
+            before, after = (jbridge.load_controller(path).law.cart for path in files)
+            title = f"Fuzzy sets of the cart, {name} rules"
+            out.append(draw_changed_sets(f"tuning-sets-{name}", title, before, after))
+            systems = {"as given": before, "tuned": after}
+            out.append(draw_surfaces(f"tuning-surface-{name}", f"The cart's voltage, {name} rules", systems, 0.2))
+    return out
