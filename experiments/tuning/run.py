@@ -1,6 +1,6 @@
 """Controllers tuned and compared on the same bridges: the paper's rules, extended rules, PID, LQR, input shaping.
 
-    python experiments/tuning/run.py                  all of it (needs the extra `proof`, after experiments/paper/run.py)
+    python experiments/tuning/run.py                  all of it (extra `proof`; after experiments/paper/run.py)
     python experiments/tuning/run.py --only paper     one controller
     python experiments/tuning/run.py --figures        table and pictures from the kept numbers
 

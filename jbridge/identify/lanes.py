@@ -234,13 +234,19 @@ def _first_state(
         near = rows[g.times[rows] <= g.times[rows[0]] + _START]
         if len(near) < 6:
             near = rows[:6]
-        since = g.times[near] - g.times[a]
-        degree = 2 if len(near) >= 6 else 1
-        fit = np.polynomial.polynomial.polyfit(since, g.y[near, k], degree)
-        state[k], state[k + 3] = fit[0], fit[1]
         noise = sigma[axis]
-        tight[k] = 1.0 / (20.0 * noise + 1e-4)
-        tight[k + 3] = 1.0 / (200.0 * noise / _START + 0.05)
+        while True:
+            since = g.times[near] - g.times[a]
+            fit = np.polynomial.polynomial.polyfit(since, g.y[near, k], 2 if len(near) >= 6 else 1)
+            left = float(np.std(np.polynomial.polynomial.polyval(since, fit) - g.y[near, k]))
+            # What moves too fast for a parabola over this time is looked at for half of it.
+            if left <= 2.0 * noise or len(near) < 12:
+                break
+            near = near[: len(near) // 2]
+        state[k], state[k + 3] = fit[0], fit[1]
+        off, span = max(noise, left), max(float(since[-1] - since[0]), 1e-6)
+        tight[k] = 1.0 / (20.0 * off + 1e-4)
+        tight[k + 3] = 1.0 / (200.0 * off / span + 0.05)
         if np.ptp(g.y[near, k]) <= _STILL * noise and since[-1] >= 0.5 * _START:
             # Where friction holds a rig at rest, a free initial velocity would be a way around it.
             state[k], state[k + 3] = np.mean(g.y[near, k]), 0.0
