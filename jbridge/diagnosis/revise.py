@@ -13,13 +13,13 @@ SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
 
 
-def simplify(search: Search, state: State) -> State:
-    """The latest accepted law of friction in its simplest form that holds as well on recordings left out.
+def simplify(search: Search, state: State, place: int = -1) -> State:
+    """An accepted law of friction, the latest by default, in its simplest form that holds as well without a recording.
 
     From the start that a screen gives, a refit of a simple law may stop short where a law with more parameters
     finds its way round; from that law's values it does not.
     """
-    latest = state.accepted[-1]
+    latest = state.accepted[place]
     effect = next((e for e in state.plant.effects if (e.kind, e.site) == latest.name), None)
     if effect is None:
         return state
@@ -30,7 +30,9 @@ def simplify(search: Search, state: State) -> State:
         search.progress(f"trying {kind.replace('_', ' ')} instead")
         plant = settled(Plant(state.plant.bridge, (*rest, make_effect(kind, effect.site, values))))
         simple = Candidate(kind, effect.site, {}, tuple(k for k in values if k != "knots"), False)
-        found = search.polish(plant, state.known, state.initial, (*state.accepted[:-1], simple))
+        accepted = list(state.accepted)
+        accepted[place] = simple
+        found = search.polish(plant, state.known, state.initial, tuple(accepted))
         if found.cross_validated < state.cross_validated * (1 + SUPERFLUOUS):
             return found
     return state

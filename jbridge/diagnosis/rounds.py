@@ -7,6 +7,7 @@ from math import nan
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
+from .candidates import Candidate
 from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, prune, simplify
 from .screen import Screen
@@ -101,6 +102,10 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     else:
         after = learnable
     if len(steps) > 1:
+        # Beside the others a law of friction may have become simpler than it was when it was accepted.
+        for place, old in enumerate(state.accepted):
+            state = simplify(search, state, place)
+            steps = [_renamed(step, old, state.accepted[place]) for step in steps]
         state = prune(search, state)
         steps = _by_gap_closed(steps, state)
     if steps and search.window is not None:
@@ -122,6 +127,16 @@ def _as_simplified(step: Step, state: State) -> Step:
     refused = {name: why for name, why in step.refused.items() if name != final.name}
     refused[step.chosen.candidate.name] = "a simpler law explains as much"
     return Step(step.number, simple, trials, refused)
+
+
+def _renamed(step: Step, old: Candidate, final: Candidate) -> Step:
+    """The step with a simpler law in place of the one that it chose, weighed as that was."""
+    if step.chosen.candidate.name != old.name or final.name == old.name:
+        return step
+    simple = dataclasses.replace(step.chosen, candidate=final)
+    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
+    refused = {name: why for name, why in step.refused.items() if name != final.name}
+    return Step(step.number, simple, trials, refused | {old.name: "a simpler law explains as much"})
 
 
 def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:

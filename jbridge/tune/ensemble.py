@@ -102,8 +102,8 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
     for place in range(table.size):
         entry = table.entry(place)
         if entry.owner >= 0 and entry.info.fitted:
-            kind, _, site = entry.group.partition("@")
-            groups.setdefault((kind, site), []).append(place)
+            kind, _, rest = entry.group.partition("@")
+            groups.setdefault((kind, rest.split(".")[0].split("#")[0]), []).append(place)
     shares = {
         **{(kind, site): scatter.friction for kind in _FRICTION for site in (CART, SWING, HOIST)},
         **{(DeadZone.kind, site): scatter.dead_zone for site in (CART_DRIVE, HOIST_DRIVE)},

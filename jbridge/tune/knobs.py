@@ -153,7 +153,8 @@ class _VariableKnobs:
                 if key not in self._bells:
                     self._bells.append(key)
         away = np.abs(np.array(corners) - self._origin)
-        away = np.unique(np.round(away / self._span, 12)) * self._span
+        away = np.sort(away)
+        away = away[np.diff(away, prepend=-self._span) > _SAME * self._span]
         inside = (away > _SAME * self._span) & (away < self._end - _SAME * self._span)
         self._points = away[inside]
         self.names = tuple(f"breakpoint {i + 1}" for i in range(len(self._points)))

@@ -88,7 +88,7 @@ class ResidualSwing(AbstractObjective):
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         late = response.times >= leg.arrival + _LATE * (response.times[-1] - leg.arrival)
-        return jnp.sqrt(jnp.sum(jnp.where(late, response.q.psi**2, 0.0)) / jnp.sum(late) + 1e-12)
+        return jnp.sqrt(jnp.mean(response.q.psi**2, where=late) + 1e-12)
 
 
 class Overshoot(AbstractObjective):

@@ -1,0 +1,171 @@
+"""Tuning: objectives against NumPy, gradients against differences, and a law that gets better where it counts."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jbridge import Axes, InputError
+from jbridge.control.base import Reference
+from jbridge.control.files import Controller
+from jbridge.control.linear import Compensation, Pid
+from jbridge.control.measures import moves
+from jbridge.control.paper import paper_controller
+from jbridge.loop import Response
+from jbridge.model.files import Model
+from jbridge.model.parameters import ParameterTable
+from jbridge.model.plant import Motion
+from jbridge.tune.cost import Cost, measure
+from jbridge.tune.ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
+from jbridge.tune.knobs import FuzzyKnobs, knobs_of
+from jbridge.tune.objectives import (
+    Chatter,
+    Effort,
+    Goal,
+    Itae,
+    Leg,
+    Overshoot,
+    ResidualSwing,
+    Settling,
+    usual_goal,
+)
+from jbridge.tune.tune import tune
+from tests.problems import NUMBERS, make_plant
+
+DRY = ("coulomb_friction", "cart", {"level": 3.0})
+LAG = ("actuator_lag", "hoist_drive", {"time_constant": 0.06})
+PLANT = make_plant(DRY, ("coulomb_friction", "hoist", {"level": 2.0}), LAG)
+MODEL = Model(PLANT, frozenset(), frozenset(NUMBERS), {}, "")
+SHORT = Legs(np.array([[0.2, 0.4]]), np.array([[0.5, 0.5]]), (0.4, 0.2), 2.0)
+PID = Pid(compensation=Compensation(cart=0.15, hoist=0.5, hoist_bias=-0.5))
+
+
+def response(x, psi, l, u, times):
+    zero = jnp.zeros_like(jnp.asarray(x))
+    axes = Axes(*(jnp.asarray(values) for values in (x, psi, l)))
+    q = Motion(*axes)
+    return Response(q, q, axes, jnp.asarray(u), jnp.asarray(times), Reference(*[zero] * 4))
+
+
+def test_objectives_are_what_they_say():
+    times = np.arange(0.0, 6.0, 0.02)
+    x = 1.0 - np.exp(-times) * np.cos(2 * times)
+    psi, l = 0.05 * np.exp(-0.3 * times) * np.sin(6 * times), np.full_like(times, 0.5)
+    u = np.stack([np.sin(times), np.cos(3 * times)], axis=1)
+    leg = Leg(jnp.asarray([0.0, 0.5]), jnp.asarray([1.0, 0.5]), jnp.asarray(2.0))
+    found = response(x, psi, l, u, times)
+    assert float(Itae()(found, leg)) == pytest.approx(np.sum(times * np.abs(x - 1.0)) * 0.02, rel=0.03)
+    away = np.abs(x + l * np.sin(psi) - 1.0) > 0.01
+    assert float(Settling(0.0005)(found, leg)) == pytest.approx(away.sum() * 0.02, abs=0.05)
+    late = times >= 2.0 + 0.75 * (times[-1] - 2.0)
+    assert float(ResidualSwing()(found, leg)) == pytest.approx(np.sqrt(np.mean(psi[late] ** 2)), rel=1e-3)
+    assert float(Overshoot()(found, leg)) == pytest.approx(np.max(x - 1.0), rel=1e-12)
+    assert float(Effort()(found, leg)) == pytest.approx(np.mean(np.sum(u**2, axis=1)), rel=1e-12)
+    assert float(Chatter()(found, leg)) == pytest.approx(np.mean(np.sum(np.diff(u, axis=0) ** 2, axis=1)), rel=1e-12)
+    both = Goal((Effort(), Chatter()), (2.0, 3.0))
+    assert float(both(found, leg)) == pytest.approx(2 * float(Effort()(found, leg)) + 3 * float(Chatter()(found, leg)))
+    with pytest.raises(ValueError, match="1 weights for 2 objectives"):
+        Goal((Effort(), Chatter()), (1.0,))
+
+
+def test_bridges_scatter_as_told():
+    rows = scattered(PLANT, 200, 1, Scatter(friction=0.2, load_mass=0.5, lag=0.1))
+    base = rows[0]
+    np.testing.assert_array_equal(base, scattered(PLANT, 2, 5)[0])
+    np.testing.assert_array_equal(rows, scattered(PLANT, 200, 1, Scatter(friction=0.2, load_mass=0.5, lag=0.1)))
+    table = ParameterTable(PLANT)
+    for name, share in (
+        ("coulomb_friction@cart.level", 0.2),
+        ("cart_damping", 0.2),
+        ("load_mass", 0.5),
+        ("actuator_lag@hoist_drive.time_constant", 0.1),
+        ("cart_gain", 0.0),
+        ("gravity", 0.0),
+    ):
+        (place,) = table.positions(name)
+        factors = rows[1:, place] / base[place]
+        assert np.abs(factors - 1).max() <= share + 1e-12
+        assert share == 0.0 or np.abs(factors - 1).max() > 0.9 * share
+
+
+def test_moves_are_the_papers_or_random():
+    np.testing.assert_array_equal(paper_legs().goal, [[1.2, 0.6], [0.5, 0.3]])
+    legs = random_legs(20, 4)
+    assert len(legs) == 20 and np.all(np.abs(legs.start[:, 0] - legs.goal[:, 0]) >= 0.3)
+    np.testing.assert_array_equal(legs.start, random_legs(20, 4).start)
+
+
+@pytest.fixture(scope="module")
+def pid_cost():
+    course = Course(PLANT, scattered(PLANT, 3, 0), SHORT, 0.02)
+    return Cost(course, knobs_of(PID), usual_goal())
+
+
+def test_the_gradient_is_that_of_the_cost(pid_cost):
+    z = np.array([0.1, -0.2, 0.3, 0.1, -0.1, 0.2])
+    value, slope = pid_cost.gradient(z, 0.1)
+    assert value == pytest.approx(pid_cost.hard(z), rel=1e-12)  # a PID has nothing that is blurred
+    for i in range(len(z)):
+        step = np.zeros(len(z))
+        step[i] = 1e-5
+        difference = (pid_cost.smooth(z + step, 0.1) - pid_cost.smooth(z - step, 0.1)) / 2e-5
+        assert slope[i] == pytest.approx(difference, rel=1e-4, abs=1e-6)
+
+
+def test_blocks_do_not_matter(pid_cost, monkeypatch):
+    from jbridge.tune import cost
+
+    monkeypatch.setattr(cost, "_ABREAST", 1)
+    single = Cost(pid_cost.course, knobs_of(PID), usual_goal())
+    z = np.full(6, 0.1)
+    assert single.hard(z) == pytest.approx(pid_cost.hard(z), rel=1e-9)
+
+
+def test_tuning_makes_a_law_better_and_the_same_twice():
+    told = {"plants": 3, "held_out": 2, "steps": 30, "starts": 2, "legs": SHORT, "seed": 2}
+    given = Controller(dataclasses.replace(PID, cart_p=jnp.asarray(2.0), hoist_p=jnp.asarray(8.0)), 0.02)
+    with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in integers
+        found, again = tune(MODEL, given, **told), tune(MODEL, given, **told)
+    before, after = found.costs["train"]
+    assert after < 0.95 * before
+    assert found.coordinates == again.coordinates and found.costs == again.costs
+    assert len(found.history) == 30 and found.rollouts > 3 * 30
+    shapes = {name: found.measures[name][1]["itae_x"].shape for name in ("train", "held_out")}
+    assert shapes == {"train": (3, 1), "held_out": (2, 4)}
+    with pytest.raises(InputError, match="at least 1"):
+        tune(MODEL, given, steps=0)
+
+
+def test_measures_agree_with_those_of_one_run():
+    """Against `control.measures`, which takes the samples themselves."""
+    course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
+    found = measure(course, PID)
+    path = course.path(0)
+    move = {name: leaf[0] for name, leaf in {"initial": course.moves.initial}.items()}
+    one = course.run(PID, jnp.asarray(course.rows[1]), jax.tree.map(lambda leaf: leaf[0], course.moves))
+    position = np.stack([np.asarray(a) for a in one.q.axes], axis=1)
+    (told,) = moves(path.times, np.stack([path.x, path.l], 1), position, np.asarray(one.command))
+    assert move["initial"].shape == (2,)
+    assert found["itae_x"][1, 0] == pytest.approx(told.itae["x"], rel=0.02)
+    assert found["residual_swing"][1, 0] == pytest.approx(told.residual_swing, rel=1e-9)
+    settled = found["settling_load"][1, 0]
+    assert (np.isnan(settled) and told.settling_time["load"] is None) or settled == pytest.approx(
+        told.settling_time["load"], abs=0.021
+    )
+
+
+@pytest.mark.slow
+def test_the_smooth_fuzzy_loop_has_the_gradient_of_its_cost():
+    course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
+    knobs = FuzzyKnobs(paper_controller())
+    cost = Cost(course, knobs, usual_goal())
+    z = 0.1 * np.random.default_rng(0).standard_normal(len(knobs.knobs))
+    _, slope = cost.gradient(z, 0.3)
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        way = rng.standard_normal(len(z))
+        way /= np.linalg.norm(way)
+        difference = (cost.smooth(z + 1e-6 * way, 0.3) - cost.smooth(z - 1e-6 * way, 0.3)) / 2e-6
+        assert slope @ way == pytest.approx(difference, rel=1e-4, abs=1e-4 * np.linalg.norm(slope))
