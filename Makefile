@@ -33,6 +33,7 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data
 	$(BIN)/python experiments/real_rigs/run.py --figures
 	$(BIN)/jbridge figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
+	$(BIN)/python experiments/tuning/run.py --figures
 	$(BIN)/python docs/tables.py
 
 clean: ## Remove outputs and caches (delete .venv as well to start anew)

@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from jbridge.control.files import Controller as Controller
     from jbridge.control.files import load_controller as load_controller
     from jbridge.control.files import save_controller as save_controller
+    from jbridge.control.fuzzy import FuzzyController as FuzzyController
+    from jbridge.control.linear import Compensation as Compensation
+    from jbridge.control.linear import Pid as Pid
+    from jbridge.control.linear import StateFeedback as StateFeedback
     from jbridge.control.measures import moves as moves
     from jbridge.control.paper import paper_controller as paper_controller
     from jbridge.control.references import load_reference as load_reference
     from jbridge.control.references import paper_path as paper_path
+    from jbridge.control.shaping import shaped as shaped
     from jbridge.diagnosis.diagnose import diagnose as diagnose
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
     from jbridge.errors import InputError as InputError
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
     from jbridge.recordings import load_recording as load_recording
     from jbridge.recordings import load_recordings as load_recordings
     from jbridge.recordings import save_csv as save_csv
+    from jbridge.report.comparison import save_comparison as save_comparison
     from jbridge.report.files import check_output as check_output
     from jbridge.report.paper import save_paper as save_paper
     from jbridge.report.save import save_fit as save_fit
@@ -64,8 +70,20 @@ if TYPE_CHECKING:
     from jbridge.sweep.spec import load_sweep as load_sweep
     from jbridge.tracking import Tracking as Tracking
     from jbridge.tracking import track as track
-    from jbridge.tune.tune import Tuning as Tuning
-    from jbridge.tune.tune import tune as tune
+    from jbridge.tuning.cost import Cost as Cost
+    from jbridge.tuning.cost import measure as measure
+    from jbridge.tuning.ensemble import Course as Course
+    from jbridge.tuning.ensemble import Legs as Legs
+    from jbridge.tuning.ensemble import Scatter as Scatter
+    from jbridge.tuning.ensemble import paper_legs as paper_legs
+    from jbridge.tuning.ensemble import random_legs as random_legs
+    from jbridge.tuning.ensemble import scattered as scattered
+    from jbridge.tuning.knobs import FuzzyKnobs as FuzzyKnobs
+    from jbridge.tuning.knobs import knobs_of as knobs_of
+    from jbridge.tuning.linearise import linear_model as linear_model
+    from jbridge.tuning.objectives import usual_goal as usual_goal
+    from jbridge.tuning.tune import Tuning as Tuning
+    from jbridge.tuning.tune import tune as tune
 
 __version__: str
 
@@ -76,21 +94,30 @@ _HOMES = {
     "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
+    "Compensation": "control.linear",
     "Controller": "control.files",
+    "Cost": "tuning.cost",
+    "Course": "tuning.ensemble",
     "Diagnosis": "diagnosis.result",
     "Every": "collect",
     "Everything": "collect",
     "Fit": "identify.result",
+    "FuzzyController": "control.fuzzy",
+    "FuzzyKnobs": "tuning.knobs",
     "InputError": "errors",
+    "Legs": "tuning.ensemble",
     "Model": "model.files",
     "Path": "signals",
+    "Pid": "control.linear",
     "Plant": "model.plant",
     "Recording": "recordings",
     "Reference": "control.base",
+    "Scatter": "tuning.ensemble",
+    "StateFeedback": "control.linear",
     "Sweep": "sweep.spec",
     "SweepResult": "sweep.run",
     "Tracking": "tracking",
-    "Tuning": "tune.tune",
+    "Tuning": "tuning.tune",
     "check_output": "report.files",
     "closed_loop": "loop",
     "describe_diagnosis": "report.terminal",
@@ -102,6 +129,8 @@ _HOMES = {
     "fit": "identify.fit",
     "idle_parts": "fuzzy.check",
     "join": "sweep.processes",
+    "knobs_of": "tuning.knobs",
+    "linear_model": "tuning.linearise",
     "load_controller": "control.files",
     "load_fis": "fuzzy.fis",
     "load_model": "model.files",
@@ -109,12 +138,16 @@ _HOMES = {
     "load_recordings": "recordings",
     "load_reference": "control.references",
     "load_sweep": "sweep.spec",
+    "measure": "tuning.cost",
     "moves": "control.measures",
     "paper_controller": "control.paper",
+    "paper_legs": "tuning.ensemble",
     "paper_path": "control.references",
     "play": "rollout",
+    "random_legs": "tuning.ensemble",
     "read_sweep": "sweep.run",
     "run_sweep": "sweep.run",
+    "save_comparison": "report.comparison",
     "save_controller": "control.files",
     "save_csv": "recordings",
     "save_fis": "fuzzy.fis",
@@ -124,10 +157,13 @@ _HOMES = {
     "save_report": "report.save",
     "save_tracking": "report.tracking",
     "save_tuning": "report.tuning",
+    "scattered": "tuning.ensemble",
+    "shaped": "control.shaping",
     "simulate": "prediction",
     "smooth_path": "signals",
     "track": "tracking",
-    "tune": "tune.tune",
+    "tune": "tuning.tune",
+    "usual_goal": "tuning.objectives",
     "with_values": "model.parameters",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
@@ -139,17 +175,26 @@ __all__ = [
     "Axes",
     "Bridge",
     "CATALOGUE",
+    "Compensation",
     "Controller",
+    "Cost",
+    "Course",
     "Diagnosis",
     "Every",
     "Everything",
     "Fit",
+    "FuzzyController",
+    "FuzzyKnobs",
     "InputError",
+    "Legs",
     "Model",
     "Path",
+    "Pid",
     "Plant",
     "Recording",
     "Reference",
+    "Scatter",
+    "StateFeedback",
     "Sweep",
     "SweepResult",
     "Tracking",
@@ -165,6 +210,8 @@ __all__ = [
     "fit",
     "idle_parts",
     "join",
+    "knobs_of",
+    "linear_model",
     "load_controller",
     "load_fis",
     "load_model",
@@ -172,12 +219,16 @@ __all__ = [
     "load_recordings",
     "load_reference",
     "load_sweep",
+    "measure",
     "moves",
     "paper_controller",
+    "paper_legs",
     "paper_path",
     "play",
+    "random_legs",
     "read_sweep",
     "run_sweep",
+    "save_comparison",
     "save_controller",
     "save_csv",
     "save_fis",
@@ -187,11 +238,14 @@ __all__ = [
     "save_report",
     "save_tracking",
     "save_tuning",
+    "scattered",
     "set_up",
+    "shaped",
     "simulate",
     "smooth_path",
     "track",
     "tune",
+    "usual_goal",
     "with_values",
 ]
 

@@ -3,11 +3,10 @@
 import numpy as np
 
 import jbridge
-from jbridge.tune.ensemble import Course
 from virtual import play, sampled
 
 
-def on_rig(controller: jbridge.Controller, course: Course) -> list[dict]:
+def on_rig(controller: jbridge.Controller, course: jbridge.Course) -> list[dict]:
     """How every move of a course went on the rig, with its signals."""
     out = []
     for number in range(len(course.legs)):

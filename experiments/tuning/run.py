@@ -24,14 +24,6 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 
 import jbridge  # noqa: E402
-from figures import draw  # noqa: E402
-from jbridge.control.fuzzy import FuzzyController  # noqa: E402
-from jbridge.control.linear import Compensation, Pid, StateFeedback  # noqa: E402
-from jbridge.control.shaping import shaped  # noqa: E402
-from jbridge.tune.cost import Cost, measure  # noqa: E402
-from jbridge.tune.ensemble import Course, paper_legs, random_legs, scattered  # noqa: E402
-from jbridge.tune.knobs import FuzzyKnobs, knobs_of  # noqa: E402
-from jbridge.tune.objectives import usual_goal  # noqa: E402
 from on_rig import on_rig  # noqa: E402
 from rivals import lqr_gains, population  # noqa: E402
 
@@ -53,10 +45,10 @@ class Bench:
     def __init__(self) -> None:
         self.model = jbridge.load_model(FITTED)
         plant = self.model.plant
-        self.train = Course(plant, scattered(plant, PLANTS, SEED), paper_legs(), PERIOD)
-        rows = scattered(plant, HELD_OUT + 1, SEED + 1)[1:]
+        self.train = jbridge.Course(plant, jbridge.scattered(plant, PLANTS, SEED), jbridge.paper_legs(), PERIOD)
+        rows = jbridge.scattered(plant, HELD_OUT + 1, SEED + 1)[1:]
         self.prepare = None
-        self.held_out = Course(plant, rows, random_legs(4, SEED + 1), PERIOD)
+        self.held_out = jbridge.Course(plant, rows, jbridge.random_legs(4, SEED + 1), PERIOD)
         effects = {(e.kind, e.site): e for e in plant.effects}
         friction = effects["position_direction_friction", "cart"]
         level = float(np.mean([np.asarray(friction.positive), np.asarray(friction.negative)]))
@@ -70,10 +62,10 @@ class Bench:
         self.bias = -float(bridge.load_mass * bridge.gravity / bridge.hoist_gain)
         """Voltage that holds the load."""
 
-    def compensation(self, share: float = 0.8) -> Compensation:
+    def compensation(self, share: float = 0.8) -> jbridge.Compensation:
         # Full compensation of a friction that is smaller elsewhere would push by itself.
         cart, hoist = (share * lost for lost in self.lost)
-        return Compensation(cart=cart, hoist=hoist, hoist_bias=self.bias)
+        return jbridge.Compensation(cart=cart, hoist=hoist, hoist_bias=self.bias)
 
 
 def controllers(bench: Bench, wanted: set[str]) -> None:
@@ -92,7 +84,9 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         })  # fmt: skip
         return found.controller.law
 
-    def by_population(name: str, law_of, low: np.ndarray, high: np.ndarray, cost: Cost, rollouts: int) -> object:
+    def by_population(
+        name: str, law_of, low: np.ndarray, high: np.ndarray, cost: jbridge.Cost, rollouts: int
+    ) -> object:
         begun = time.perf_counter()
         best, history = population(lambda z: cost.of(law_of(z)), low, high, rollouts // cost.count, SEED, told)
         keep("tuning", name, {"history": history, "seconds": time.perf_counter() - begun, "rollouts": rollouts})
@@ -107,27 +101,27 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         elif name == "extended":
             found = jbridge.extended_controller()
         elif name == "paper scaled":
-            knobs = FuzzyKnobs(jbridge.paper_controller(), weights=False, sets=False)
-            cost = Cost(bench.train, knobs, usual_goal())
+            knobs = jbridge.FuzzyKnobs(jbridge.paper_controller(), weights=False, sets=False)
+            cost = jbridge.Cost(bench.train, knobs, jbridge.usual_goal())
             found = by_population(name, lambda z: knobs.set(jnp.asarray(z)), *knobs.bounds(), cost, budget)
         elif name == "paper tuned":
             found = by_gradient(name, law("paper"))
         elif name == "extended tuned":
             found = by_gradient(name, law("extended"))
         elif name == "extended CMA-ES":
-            knobs = FuzzyKnobs(jbridge.extended_controller())
-            cost = Cost(bench.train, knobs, usual_goal())
+            knobs = jbridge.FuzzyKnobs(jbridge.extended_controller())
+            cost = jbridge.Cost(bench.train, knobs, jbridge.usual_goal())
             found = by_population(name, lambda z: knobs.set(jnp.asarray(z)), *knobs.bounds(), cost, budget)
         elif name.startswith("PID tuned"):
             if "," in name:
                 return law("PID tuned")
-            found = by_gradient(name, Pid(compensation=bench.compensation()))
+            found = by_gradient(name, jbridge.Pid(compensation=bench.compensation()))
         else:
             weights = lqr_gains(bench.model.plant, PERIOD)
-            start = StateFeedback(jnp.asarray(weights(np.zeros(8))), compensation=bench.compensation())
-            cost = Cost(bench.train, knobs_of(Pid()), usual_goal())
+            start = jbridge.StateFeedback(jnp.asarray(weights(np.zeros(8))), compensation=bench.compensation())
+            cost = jbridge.Cost(bench.train, jbridge.knobs_of(jbridge.Pid()), jbridge.usual_goal())
 
-            def law_of(z: np.ndarray) -> StateFeedback:
+            def law_of(z: np.ndarray) -> jbridge.StateFeedback:
                 return dataclasses.replace(
                     start, gains=jnp.asarray(weights(z[:8])), compensation=bench.compensation(float(z[8]))
                 )
@@ -141,16 +135,16 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         if name not in wanted:
             continue
         found = law(name)
-        if isinstance(found, FuzzyController):
+        if isinstance(found, jbridge.FuzzyController):
             OUT.mkdir(parents=True, exist_ok=True)
             jbridge.save_controller(OUT / f"{name.replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD))
         prepare = shaper(name, bench)
         legs = bench.train.legs
         courses = {
-            "train": Course(bench.model.plant, bench.train.rows, legs, PERIOD, prepare),
-            "held_out": Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare),
+            "train": jbridge.Course(bench.model.plant, bench.train.rows, legs, PERIOD, prepare),
+            "held_out": jbridge.Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare),
         }
-        measures = {key: measure(course, found) for key, course in courses.items()}
+        measures = {key: jbridge.measure(course, found) for key, course in courses.items()}
         rig = on_rig(jbridge.Controller(found, PERIOD), courses["train"])
         keep("controllers", name, {"measures": measures, "rig": rig})
         told(f"{name}: settled on the rig {[run['settling'] for run in rig]}")
@@ -165,7 +159,7 @@ def shaper(name: str, bench: Bench):
 
     def prepare(path: jbridge.Path) -> jbridge.Path:
         length = 0.5 * (path.l[0] + path.l[-1])
-        return shaped(path, float(np.sqrt(gravity / length)), kind=kind)
+        return jbridge.shaped(path, float(np.sqrt(gravity / length)), kind=kind)
 
     return prepare
 
@@ -200,7 +194,8 @@ def main() -> None:
             sys.exit(f"{FITTED.relative_to(ROOT)}: not there yet; run python experiments/paper/run.py first")
         jbridge.set_up(whole_loops=True)
         controllers(Bench(), set(arguments.only or CONTROLLERS))
-    draw(ROOT / "figures")
+    if DATA.exists():
+        jbridge.save_comparison(ROOT / "figures", DATA, OUT)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from ..control.files import save_controller
 from ..control.fuzzy import FuzzyController
 from ..fuzzy.inference import Mamdani
 from ..summaries import UNITS
-from ..tune.tune import Tuning
+from ..tuning.tune import Tuning
 from .figures.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
 from .figures.style import Picture
 from .files import PathLike, make_folder, write_bytes, write_text

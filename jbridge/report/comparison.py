@@ -1,36 +1,43 @@
-"""Table and pictures of the tuning, from the kept numbers."""
+"""Controllers compared: a table and pictures, from the numbers that experiments/tuning/run.py keeps."""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import jbridge
-from jbridge.report.figures.fuzzy import draw_changed_sets, draw_ensemble, draw_surfaces
-from jbridge.report.figures.style import Picture
-from jbridge.report.figures.tracking import draw_positions
+from ..control.files import load_controller
+from ..control.fuzzy import FuzzyController
+from ..fuzzy.inference import Mamdani
+from .figures.fuzzy import draw_changed_sets, draw_ensemble, draw_surfaces
+from .figures.style import Picture
+from .figures.tracking import draw_positions
+from .files import PathLike, write_bytes, write_text
 
 COMPARED = ("paper", "paper tuned", "extended tuned", "LQR", "PID tuned, ZVD")
 """Controllers that the pictures show."""
-_LATE = 100.0
-"""Stands for never, beyond every panel."""
 
 
-def draw(folder: Path) -> None:
-    """Writes `tuning-table.md` and `tuning-*.png`."""
-    data = folder / "data" / "tuning.json"
-    if not data.exists():
-        print(f"no numbers in {data} yet")
-        return
-    kept = json.loads(data.read_text())
-    (folder / "tuning-table.md").write_text(table(kept), encoding="utf-8")
-    for picture in pictures(kept, folder.parent / "out" / "tuning"):
-        (folder / f"{picture.name}.png").write_bytes(picture.png)
+def save_comparison(folder: PathLike, data: PathLike, tuned: PathLike) -> list[Path]:
+    """Writes `tuning-table.md` and `tuning-*.png`.
+
+    Args:
+        folder: where to.
+        data: the kept numbers, JSON.
+        tuned: folder of the controllers as TOML, as far as they are there.
+    """
+    target = Path(folder)
+    kept = json.loads(Path(data).read_text(encoding="utf-8"))
+    write_text(target / "tuning-table.md", table(kept))
+    drawn = pictures(kept, Path(tuned))
+    for picture in drawn:
+        write_bytes(target / f"{picture.name}.png", picture.png)
+    return [target / "tuning-table.md", *(target / f"{picture.name}.png" for picture in drawn)]
 
 
-def _values(kept: Mapping, name: str, course: str, key: str) -> NDArray[np.float64]:
+def _values(kept: Mapping[str, Any], name: str, course: str, key: str) -> NDArray[np.float64]:
     found = kept["controllers"][name]["measures"][course][key]
     return np.array([[np.nan if value is None else value for value in row] for row in found], dtype=float)
 
@@ -47,7 +54,7 @@ def _number(value: float | None, factor: float = 1.0, digits: int = 3) -> str:
     return "never" if value is None else f"{factor * value:.{digits}g}"
 
 
-def table(kept: Mapping) -> str:
+def table(kept: Mapping[str, Any]) -> str:
     """Every controller on the virtual rig and on held-out bridges."""
     lines = [
         "# Controllers compared",
@@ -79,7 +86,7 @@ def table(kept: Mapping) -> str:
     return "\n".join([*lines, ""])
 
 
-def pictures(kept: Mapping, tuned: Path) -> list[Picture]:
+def pictures(kept: Mapping[str, Any], tuned: Path) -> list[Picture]:
     shown = [name for name in COMPARED if name in kept["controllers"]]
     found = {
         name: {key: _values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing", "itae_x")}
@@ -110,9 +117,15 @@ def pictures(kept: Mapping, tuned: Path) -> list[Picture]:
     for name in ("paper", "extended"):
         files = [tuned / f"{name}.toml", tuned / f"{name}-tuned.toml"]
         if all(path.exists() for path in files):
-            before, after = (jbridge.load_controller(path).law.cart for path in files)
+            before, after = (_cart(path) for path in files)
             title = f"Fuzzy sets of the cart, {name} rules"
             out.append(draw_changed_sets(f"tuning-sets-{name}", title, before, after))
             systems = {"as given": before, "tuned": after}
             out.append(draw_surfaces(f"tuning-surface-{name}", f"The cart's voltage, {name} rules", systems, 0.2))
     return out
+
+
+def _cart(path: Path) -> Mamdani:
+    law = load_controller(path).law
+    assert isinstance(law, FuzzyController) and isinstance(law.cart, Mamdani)
+    return law.cart

@@ -10,7 +10,7 @@ from jbridge.control.extended import extended_controller
 from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import paper_controller
 from jbridge.fuzzy.membership import Gaussian, Trapezoidal, Triangular
-from jbridge.tune.knobs import FuzzyKnobs, knobs_of
+from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
 
 LAWS = {"paper": paper_controller, "extended": extended_controller}
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from jbridge import Axes, InputError
 from jbridge.control.base import Reference
@@ -17,10 +18,11 @@ from jbridge.loop import Response
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
-from jbridge.tune.cost import Cost, measure
-from jbridge.tune.ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
-from jbridge.tune.knobs import FuzzyKnobs, knobs_of
-from jbridge.tune.objectives import (
+from jbridge.tuning.cost import Cost, measure
+from jbridge.tuning.ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
+from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
+from jbridge.tuning.linearise import linear_model
+from jbridge.tuning.objectives import (
     Chatter,
     Effort,
     Goal,
@@ -31,7 +33,7 @@ from jbridge.tune.objectives import (
     Settling,
     usual_goal,
 )
-from jbridge.tune.tune import tune
+from jbridge.tuning.tune import tune
 from tests.problems import NUMBERS, make_plant
 
 DRY = ("coulomb_friction", "cart", {"level": 3.0})
@@ -115,7 +117,7 @@ def test_the_gradient_is_that_of_the_cost(pid_cost):
 
 
 def test_blocks_do_not_matter(pid_cost, monkeypatch):
-    from jbridge.tune import cost
+    from jbridge.tuning import cost
 
     monkeypatch.setattr(cost, "_ABREAST", 1)
     single = Cost(pid_cost.course, knobs_of(PID), usual_goal())
@@ -169,3 +171,24 @@ def test_the_smooth_fuzzy_loop_has_the_gradient_of_its_cost():
         way /= np.linalg.norm(way)
         difference = (cost.smooth(z + 1e-6 * way, 0.3) - cost.smooth(z - 1e-6 * way, 0.3)) / 2e-6
         assert slope @ way == pytest.approx(difference, rel=1e-4, abs=1e-4 * np.linalg.norm(slope))
+
+
+def test_the_linear_bridge_is_the_equations_linearised():
+    """By hand, with the input held: cart and swing coupled, the rope alone."""
+    length, period, n = 0.45, 0.02, NUMBERS
+    # (M + m) x'' + m l psi'' = K u - d x', l psi'' + x'' = -g psi - c / (m l) psi', (m + w) l'' = K u + m g - d l'
+    m, big, c = n["load_mass"], n["cart_mass"], n["swing_damping"]
+    mass = np.array([[big + m, m * length, 0.0], [1.0, length, 0.0], [0.0, 0.0, m + n["winch_mass"]]])
+    stiff = np.zeros((3, 3))
+    stiff[1, 1] = -n["gravity"]
+    drag = np.diag([-n["cart_damping"], -c / (m * length), -n["hoist_damping"]])
+    push = np.array([[n["cart_gain"], 0.0], [0.0, 0.0], [0.0, n["hoist_gain"]]])
+    whole = np.zeros((8, 8))
+    whole[:3, 3:6] = np.eye(3)
+    whole[3:6, :3], whole[3:6, 3:6] = np.linalg.solve(mass, stiff), np.linalg.solve(mass, drag)
+    whole[3:6, 6:] = np.linalg.solve(mass, push)
+    exact = expm(whole * period)
+    a, b, rest = linear_model(PLANT, length, period)
+    np.testing.assert_allclose(a, exact[:6, :6], atol=2e-5)
+    np.testing.assert_allclose(b, exact[:6, 6:], atol=2e-5)
+    np.testing.assert_allclose(rest, [0.0, -m * n["gravity"] / n["hoist_gain"]], rtol=1e-12)
