@@ -10,7 +10,7 @@ from ..inputs import Lane
 from ..model.plant import Plant
 from ..rollout import RK4, advance, start, timetable
 
-_SUBSTEPS = 4
+_SUBSTEPS = 16
 _SLOW = 1e-6
 """Speed at which the bridge counts as still and yet moves [m/s, rad/s]."""
 
