@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from jbridge.fuzzy.fis import save_fis as save_fis
     from jbridge.identify.fit import fit as fit
     from jbridge.identify.result import Fit as Fit
+    from jbridge.identify.starts import Starts as Starts
+    from jbridge.identify.starts import fit_from_many as fit_from_many
     from jbridge.loop import closed_loop as closed_loop
     from jbridge.model.bridge import Bridge as Bridge
     from jbridge.model.effects.base import AbstractForce as AbstractForce
@@ -113,6 +115,7 @@ _HOMES = {
     "Recording": "recordings",
     "Reference": "control.base",
     "Scatter": "tuning.ensemble",
+    "Starts": "identify.starts",
     "StateFeedback": "control.linear",
     "Sweep": "sweep.spec",
     "SweepResult": "sweep.run",
@@ -127,6 +130,7 @@ _HOMES = {
     "diagnose": "diagnosis.diagnose",
     "extended_controller": "control.extended",
     "fit": "identify.fit",
+    "fit_from_many": "identify.starts",
     "idle_parts": "fuzzy.check",
     "join": "sweep.processes",
     "knobs_of": "tuning.knobs",
@@ -194,6 +198,7 @@ __all__ = [
     "Recording",
     "Reference",
     "Scatter",
+    "Starts",
     "StateFeedback",
     "Sweep",
     "SweepResult",
@@ -208,6 +213,7 @@ __all__ = [
     "diagnose",
     "extended_controller",
     "fit",
+    "fit_from_many",
     "idle_parts",
     "join",
     "knobs_of",

@@ -80,7 +80,7 @@ class MoveSummary(AbstractSummary):
             jnp.where(away, t, numbers.outside),
             jnp.maximum(numbers.beyond, jnp.sign(self.way) * error),
             numbers.squares + follow * follow,
-            numbers.itae + t * jnp.abs(error) * self.period,
+            numbers.itae + t * jnp.abs(follow) * self.period,
             jnp.maximum(numbers.swing, swing),
             jnp.where(t >= self.late, jnp.maximum(numbers.residual, swing), numbers.residual),
             numbers.effort + u * u,

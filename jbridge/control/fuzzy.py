@@ -1,6 +1,7 @@
 """The paper's two fuzzy controllers: one for the cart's position, one for the rope's length."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -35,10 +36,31 @@ class FuzzyController(AbstractController):
         self, state: tuple[Axes, Axes], measured: Axes, reference: Reference, period: Scalar | float
     ) -> tuple[Float[Array, " 2"], tuple[Axes, Axes]]:
         speed, state = self.differences(state, measured, period)
-        cart = jnp.stack([(reference.x - measured.x) / self.cart_scale, speed.x, jnp.degrees(measured.psi)])
-        hoist = jnp.stack([(reference.l - measured.l) / self.hoist_scale, speed.l])
+        cart, hoist = self._inputs(measured, reference, speed)
         volts = (
             system.infer(values, softness=self.softness).output[0]
             for system, values in ((self.cart, cart), (self.hoist, hoist))
         )
         return jnp.stack(list(volts)), state
+
+    def inputs(
+        self, measured: Axes, reference: Reference, period: float
+    ) -> tuple[Float[Array, "time 3"], Float[Array, "time 2"]]:
+        """What both systems were asked over a run.
+
+        Args:
+            measured: encoder readings with a leading axis of time [m, rad, m].
+            reference: at the same samples.
+            period: of sampling [s].
+        """
+
+        def ask(state: tuple[Axes, Axes], now: tuple[Axes, Reference]) -> tuple[tuple[Axes, Axes], tuple[Array, Array]]:
+            speed, state = self.differences(state, now[0], period)
+            return state, self._inputs(*now, speed)
+
+        first = Axes(*(values[0] for values in measured))
+        return jax.lax.scan(ask, self.start(first), (measured, reference))[1]
+
+    def _inputs(self, measured: Axes, reference: Reference, speed: Axes) -> tuple[Array, Array]:
+        cart = jnp.stack([(reference.x - measured.x) / self.cart_scale, speed.x, jnp.degrees(measured.psi)])
+        return cart, jnp.stack([(reference.l - measured.l) / self.hoist_scale, speed.l])

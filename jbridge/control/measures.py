@@ -29,7 +29,7 @@ class Move:
     residual_swing: float
     """Largest swing angle over the last quarter of the rest [rad]."""
     itae: dict[str, float]
-    """Time-weighted absolute error to the goal [m s^2], for `x` and `l`."""
+    """Time-weighted absolute error to the reference [m s^2], for `x` and `l`."""
     effort: dict[str, float]
     """Mean square voltage [V^2]."""
 
@@ -91,7 +91,10 @@ def _measure(
         beyond,
         {axis: float(np.mean(place[axis][late] - wanted[axis])) for axis in place},
         float(np.max(np.abs(position[late, 1]))),
-        {axis: float(np.trapezoid(since * np.abs(place[axis] - wanted[axis]), since)) for axis in place},
+        {
+            axis: float(np.trapezoid(since * np.abs(place[axis] - reference[:, k]), since))
+            for k, axis in enumerate(place)
+        },
         {axis: float(np.mean(command[:, k] ** 2)) for k, axis in enumerate(place)},
     )
 

@@ -2,15 +2,25 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import Axes
+from ..control.base import Reference
 from ..control.files import Controller, save_controller
+from ..control.fuzzy import FuzzyController
+from ..fuzzy.inference import AbstractSystem
 from ..recordings import save_csv
 from ..tracking import Tracking
+from .figures.fuzzy import draw_rules, draw_surfaces, silent_share
 from .figures.style import Picture
 from .figures.tracking import Run, draw_commands, draw_positions, draw_way
 from .files import PathLike, make_folder, write_bytes, write_text
-from .html import element, page, section, show_all, table, tag
+from .html import bullets, element, page, section, show_all, table, tag
 from .quantities import digits
 
 RUN = "run.csv"
@@ -41,10 +51,10 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     save_controller(target / "controller.toml", controller)
     moves = [dataclasses.asdict(move) for move in tracking.moves]
     write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves}, indent=2) + "\n")
-    pictures = tracking_pictures(tracking)
+    pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    write_text(target / "control.html", _page(tracking, pictures))
+    write_text(target / "control.html", _page(tracking, pictures, silence(tracking, controller)))
     return target / "control.html"
 
 
@@ -76,6 +86,42 @@ def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
     )
 
 
+def rule_pictures(tracking: Tracking, controller: Controller) -> tuple[Picture, ...]:
+    """For a fuzzy controller, what its rules say and which of them spoke when."""
+    pictures = []
+    for axis, system, found in _asked(tracking, controller):
+        most = 0.5 * float(system.inputs[0].high - system.inputs[0].low)
+        reach = float(np.clip(1.2 * np.abs(found[:, 0]).max() / most, 0.02, 1.0))
+        pictures += [
+            draw_rules(f"rules-{axis}", f"The {axis}'s rules over time", system, tracking.times, found),
+            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, reach),
+        ]
+    return tuple(pictures)
+
+
+def silence(tracking: Tracking, controller: Controller) -> list[str]:
+    """Sentences on times in which no rule of a fuzzy controller fired."""
+    shares = {axis: silent_share(system, values) for axis, system, values in _asked(tracking, controller)}
+    return [
+        f"No rule of the {axis} fires in {100 * share:.2g} % of the time; its voltage is then the middle of its range."
+        for axis, share in shares.items()
+        if share > 0
+    ]
+
+
+def _asked(tracking: Tracking, controller: Controller) -> list[tuple[str, AbstractSystem, NDArray[np.float64]]]:
+    """Each fuzzy system of a controller and its inputs over the run; nothing for another law."""
+    law = controller.law
+    if not isinstance(law, FuzzyController):
+        return []
+    measured = Axes(*(jnp.asarray(tracking.measured[axis]) for axis in ("x", "psi", "l")))
+    still = jnp.zeros_like(measured.x)
+    wanted = Reference(jnp.asarray(tracking.reference["x"]), jnp.asarray(tracking.reference["l"]), still, still)
+    asked = law.inputs(measured, wanted, controller.period)
+    systems = (("cart", law.cart), ("hoist", law.hoist))
+    return [(axis, system, np.asarray(values)) for (axis, system), values in zip(systems, asked, strict=True)]
+
+
 def _goals(tracking: Tracking) -> list[tuple[float, float]]:
     ends = [*(move.start for move in tracking.moves[1:]), float("inf")]
     out = []
@@ -105,7 +151,7 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
     return rows
 
 
-def _page(tracking: Tracking, pictures: tuple[Picture, ...]) -> str:
+def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[str]) -> str:
     head = (
         "move",
         "to x, l [m]",
@@ -128,6 +174,7 @@ def _page(tracking: Tracking, pictures: tuple[Picture, ...]) -> str:
                     _EXPLAINED,
                     "soft",
                 ),
+                bullets(remarks, "warnings"),
             ),
             section("What happened", show_all(pictures)),
         ],

@@ -53,13 +53,13 @@ def _size(value: Array) -> Array:
 
 
 class Itae(AbstractObjective):
-    """Time-weighted absolute error of cart and rope to the goal."""
+    """Time-weighted absolute error of cart and rope to the reference."""
 
     name: ClassVar[str] = "itae"
     unit: ClassVar[str] = "m s^2"
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
-        x, l = _errors(response, leg)
+        x, l = response.q.x - response.reference.x, response.q.l - response.reference.l
         period = response.times[1] - response.times[0]
         return jnp.sum(response.times * (_size(x) + _size(l))) * period
 
@@ -149,5 +149,5 @@ def usual_goal() -> Goal:
     """Settling and error first, then swing and overshoot, and a voltage that does not chatter."""
     return Goal(
         (Itae(), Settling(), ResidualSwing(), Overshoot(), Chatter()),
-        (1.0, 1.0, 20.0, 20.0, 0.5),
+        (2.0, 1.0, 20.0, 20.0, 0.5),
     )

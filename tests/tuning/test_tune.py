@@ -48,7 +48,8 @@ def response(x, psi, l, u, times):
     zero = jnp.zeros_like(jnp.asarray(x))
     axes = Axes(*(jnp.asarray(values) for values in (x, psi, l)))
     q = Motion(*axes)
-    return Response(q, q, axes, jnp.asarray(u), jnp.asarray(times), Reference(*[zero] * 4))
+    wanted = Reference(zero + 1.0, zero + 0.5, zero, zero)
+    return Response(q, q, axes, jnp.asarray(u), jnp.asarray(times), wanted)
 
 
 def test_objectives_are_what_they_say():

@@ -126,6 +126,11 @@ def draw_surfaces(name: str, title: str, systems: Mapping[str, AbstractSystem], 
     return picture(name, title, 2.7 * len(systems), draw, "Black line: zero volts. Other inputs in their middle.")
 
 
+def silent_share(system: AbstractSystem, values: NDArray[np.float64]) -> float:
+    """Share of some inputs `(time, input)` for which no rule fires, so that the output is its mid-range."""
+    return float(1.0 - np.mean(np.asarray(jax.vmap(system.infer)(jnp.asarray(values)).fired)[:, 0]))
+
+
 def draw_rules(
     name: str,
     title: str,
