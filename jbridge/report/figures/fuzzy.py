@@ -31,7 +31,7 @@ def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | No
     """
     low, high = (float(variable.low), float(variable.high)) if limit is None else (-limit, limit)
     values = np.linspace(low, high, 1201)
-    named: list[float] = []
+    named: list[tuple[float, str, str]] = []
     for colour, said, degrees in zip(_COLOURS, variable.labels, variable.degrees(jnp.asarray(values)), strict=False):
         curve = np.asarray(degrees)
         if faint:
@@ -39,9 +39,15 @@ def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | No
             continue
         panel.plot(values, curve, color=colour)
         at = float(values[curve > curve.max() - 1e-9].mean())
-        if all(abs(at - other) > 0.05 * (high - low) for other in named):
-            named.append(at)
-            panel.annotate(said, (at, 1.03), ha="center", color=colour, fontsize=9)
+        if curve.max() < 0.9:  # its peak lies outside
+            continue
+        if named and abs(at - named[-1][0]) < 0.04 * (high - low):
+            named[-1] = (named[-1][0], f"{named[-1][1]} {said}", RECORDED)
+        else:
+            named.append((at, said, colour))
+    for at, said, colour in named:
+        side = "left" if at < low + 0.02 * (high - low) else "right" if at > high - 0.02 * (high - low) else "center"
+        panel.annotate(said, (at, 1.03), ha=side, color=colour, fontsize=9)
     panel.set_xlim(low, high)
     panel.set_ylim(0.0, 1.22)
     panel.set_yticks([0, 0.5, 1])

@@ -114,12 +114,10 @@ def draw_tracking(tracking: Mapping[str, Any]) -> tuple[Picture, ...]:
     points = [("T_z", 0.0, 0.185), ("T_1", 1.2, 0.6), ("T_2", 0.5, 0.3)]
     return (
         draw_positions(
-            "paper-figure-8", "Tracking the reference", reference, runs, f"Figure 8 of the paper; {RIG} in orange"
+            "paper-figure-8", "Tracking the reference", reference, runs, f"Figure 8 of the paper; {RIG} dashed"
         ),
-        draw_commands("paper-figure-9", "Control signals", runs, f"Figure 9 of the paper; {RIG} in orange"),
-        draw_way(
-            "paper-figure-10", "The load's way", reference, runs, points, f"Figure 10 of the paper; {RIG} in orange"
-        ),
+        draw_commands("paper-figure-9", "Control signals", runs, f"Figure 9 of the paper; {RIG} dashed"),
+        draw_way("paper-figure-10", "The load's way", reference, runs, points, f"Figure 10 of the paper; {RIG} dashed"),
     )
 
 
@@ -137,7 +135,7 @@ def draw_friction(rows: Sequence[Mapping[str, Any]]) -> Picture:
                 label=f"{RIG}, {said}",
             )  # fmt: skip
             panel.plot(middle, [row["found"] for row in own], "o", color=colour, label=f"found, {said}")
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0, 1.1 * max(max(row["rig"], row["found"]) for row in rows))
         panel.set_xlabel("place on the rail [m]")
         panel.set_ylabel("friction [N]")
         figure.legend(loc="outside upper left", ncols=4)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture
 
 _COLOURS = (AFTER, BEFORE, "#00805c", "#8a4f9e")
+_DASHES = ("-", (0, (4, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
+"""So that a run shows that lies beneath another."""
 _ROWS = (
     ("x", "cart position\nx [m]", 1.0),
     ("l", "rope length\nl [m]", 1.0),
@@ -42,8 +44,8 @@ def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run
                     linewidth=3.2,
                     label="reference",
                 )
-            for (said, run), colour in zip(runs.items(), _COLOURS, strict=False):
-                panel.plot(run["t"], factor * drawable(run[axis]), color=colour, label=said)
+            for (said, run), colour, dashes in zip(runs.items(), _COLOURS, _DASHES, strict=False):
+                panel.plot(run["t"], factor * drawable(run[axis]), color=colour, linestyle=dashes, label=said)
             panel.set_ylabel(label)
         panels[-1].set_xlabel("time [s]")
         figure.align_ylabels(panels)
@@ -61,8 +63,8 @@ def draw_commands(name: str, title: str, runs: Mapping[str, Run], explanation: s
         for panel, key, label in zip(
             panels, ("u_x", "u_l"), ("cart drive u_x [V]", "hoist drive u_l [V]"), strict=True
         ):
-            for (said, run), colour in zip(runs.items(), _COLOURS, strict=False):
-                panel.step(run["t"], run[key], where="post", color=colour, linewidth=1.1, label=said)
+            for (said, run), colour, dashes in zip(runs.items(), _COLOURS, _DASHES, strict=False):
+                panel.step(run["t"], run[key], where="post", color=colour, linestyle=dashes, linewidth=1.1, label=said)
             panel.set_ylabel(label)
             panel.set_xlabel("time [s]")
         handles, names = panels[0].get_legend_handles_labels()
@@ -93,12 +95,15 @@ def draw_way(
     def draw(figure: FigureBase) -> None:
         panel = figure.subplots()
         panel.plot(reference["x"], reference["l"], color=RECORDED, alpha=0.5, linewidth=3.2, label="reference")
-        for (said, run), colour in zip(runs.items(), _COLOURS, strict=False):
+        for (said, run), colour, dashes in zip(runs.items(), _COLOURS, _DASHES, strict=False):
             across, down = run["x"] + run["l"] * np.sin(run["psi"]), run["l"] * np.cos(run["psi"])
-            panel.plot(drawable(across), drawable(down), color=colour, label=said)
+            panel.plot(drawable(across), drawable(down), color=colour, linestyle=dashes, label=said)
+        middle = 0.5 * (min(x for _, x, _ in points) + max(x for _, x, _ in points))
         for said, x, l in points:
             panel.plot(x, l, "o", color=RECORDED, markersize=6)
-            panel.annotate(said, (x, l), xytext=(8, -4), textcoords="offset points")
+            # Names stand inside of the way's ends.
+            beside, side = (8, "left") if x <= middle else (-8, "right")
+            panel.annotate(said, (x, l), xytext=(beside, -4), textcoords="offset points", ha=side)
         panel.set_aspect("equal", adjustable="datalim")
         panel.invert_yaxis()
         panel.set_xlabel("load's horizontal position [m]")
