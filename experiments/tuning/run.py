@@ -30,7 +30,7 @@ from rivals import lqr_gains, population  # noqa: E402
 DATA = ROOT / "figures" / "data" / "tuning.json"
 OUT = ROOT / "out" / "tuning"
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
-PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 3, 0, 0.02
+PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
 """What a value with its gradient costs, in rollouts: at most this, measured by experiments/throughput."""
 CONTROLLERS = (

@@ -26,8 +26,8 @@ _LATE = 0.75
 class Cost:
     """Mean of a goal over all bridges and moves of a course, as a function of a controller's free coordinates.
 
-    Every gradient is one backward pass through all rollouts; each period of the controller is computed anew there, so
-    that memory holds one state per period.
+    Gradients come from one backward pass through each rollout; each period of the controller is computed anew there,
+    so that memory holds one state per period.
     """
 
     def __init__(self, course: Course, knobs: AbstractKnobs, goal: Goal):
@@ -50,21 +50,18 @@ class Cost:
         self._knobs = knobs
         self._compiled: set[int] = set()
 
-        def total(law: AbstractController, rows: Array, moves: Moves) -> Array:
-            def one(row: Array, move: Moves) -> Array:
-                return goal(course.run(law, row, move, keep=False), move.leg)
+        def one(law: AbstractController, row: Array, move: Moves) -> Array:
+            return goal(course.run(law, row, move, keep=False), move.leg)
 
-            return jnp.sum(jax.vmap(one)(rows, moves))
+        def smooth(z: Array, softness: Array, row: Array, move: Moves) -> Array:
+            return one(knobs.set(z, softness), row, move)
 
-        def smooth(z: Array, softness: Array, rows: Array, moves: Moves) -> Array:
-            return total(knobs.set(z, softness), rows, moves)
-
-        self._total = jax.jit(total)
-        self._gradient = jax.jit(jax.value_and_grad(smooth))
+        self._one = jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
+        self._gradient = jax.jit(jax.vmap(jax.value_and_grad(smooth), in_axes=(None, None, 0, 0)))
 
     def of(self, law: AbstractController) -> float:
         """The cost of a controller of the same structure."""
-        return float(sum(self._each(self._total, as_arrays(law)))) / self.count
+        return float(np.mean(np.concatenate(self._each(self._one, as_arrays(law)))))
 
     def hard(self, z: NDArray[np.float64]) -> float:
         """The cost of the controller with the textbook's inference."""
@@ -74,11 +71,11 @@ class Cost:
         """The cost of the smooth controller."""
         return self.of(self._knobs.set(jnp.asarray(z), softness))
 
-    def gradient(self, z: NDArray[np.float64], softness: float) -> tuple[float, NDArray[np.float64]]:
-        """The cost of the smooth controller, and its gradient."""
+    def gradients(self, z: NDArray[np.float64], softness: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The smooth cost of every rollout, `(rollout,)`, and its gradient, `(rollout, knob)`."""
         found = self._each(self._gradient, jnp.asarray(z), jnp.asarray(float(softness)))
-        value = sum(float(value) for value, _ in found) / self.count
-        return value, np.sum([np.asarray(slope) for _, slope in found], axis=0) / self.count
+        values, slopes = zip(*found, strict=True)
+        return np.concatenate(values), np.concatenate(slopes)
 
     def _each(self, program: Any, *given: Any) -> list[Any]:
         def one(block: tuple[NDArray[np.float64], Moves]) -> Any:

@@ -20,12 +20,18 @@ from .objectives import Goal, usual_goal
 
 SOFT, HARD = 0.3, 0.03
 """Softness at the beginning and at the end."""
-_RATE = 0.05
+_HARDENED = 0.6
+"""Share of the steps after which the softness has reached its end."""
+_RATE = 0.15
 """Step length at the beginning, in logarithms of the controller's numbers."""
+_LOUDEST = 3.0
+"""Largest gradient of a rollout that counts in full, over the median."""
 _SPREAD = 0.3
 """Standard deviation of further starts about the given controller."""
 _TRIAL = 5
 """Share of the steps, one in so many, after which only the best start goes on."""
+_JUDGED = 10
+"""How often on its way a start is judged with the textbook's inference."""
 _HELD_OUT_MOVES = 4
 
 
@@ -128,43 +134,68 @@ def tune(
     )
 
 
+def common_slope(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean of the rollouts' gradients `(rollout, knob)`, none of which may count for more than a few others.
+
+    Where a loop chatters between sticking and sliding, a gradient grows from sample to sample, by many orders of
+    magnitude in the end, and says nothing any more; that of most other rollouts still does.
+    """
+    sound = np.isfinite(slopes).all(axis=1)
+    if not sound.any():
+        return np.zeros(slopes.shape[1])
+    kept = slopes[sound]
+    sizes = np.linalg.norm(kept, axis=1)
+    most = _LOUDEST * np.median(sizes)
+    return np.sum(kept * np.minimum(1.0, most / np.maximum(sizes, 1e-300))[:, None], axis=0) / len(slopes)
+
+
 def _descend(
     cost: Cost, knobs: AbstractKnobs, steps: int, starts: int, seed: int, tell: Callable[[str], None]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
     """Adam with a softness that shrinks; the best start, judged with the textbook's inference, goes to the end."""
     low, high = knobs.bounds()
     rng = np.random.default_rng(seed)
-    softness = np.geomspace(SOFT, HARD, steps)
+    softness = np.geomspace(SOFT, HARD, max(1, round(_HARDENED * steps)))
+    softness = np.append(softness, np.full(steps - len(softness), HARD))
     schedule = optax.cosine_decay_schedule(_RATE, steps, alpha=0.05)
     adam = optax.chain(optax.clip_by_global_norm(1.0), optax.adam(schedule))
     trial = max(1, steps // _TRIAL) if starts > 1 else steps
     begins = [np.zeros(len(low))]
     begins += [np.clip(_SPREAD * rng.standard_normal(len(low)), low, high) for _ in range(starts - 1)]
-    rollouts = 0
+    rollouts, every = 0, max(1, steps // _JUDGED)
+    found: list[tuple[float, NDArray[np.float64]]] = []
+
+    def judge(z: NDArray[np.float64]) -> float:
+        """The cost with the textbook's inference, which alone decides what is kept."""
+        nonlocal rollouts
+        value = cost.hard(z)
+        rollouts += cost.count
+        found.append((value if np.isfinite(value) else np.inf, z))
+        return found[-1][0]
 
     def go(z: NDArray[np.float64], state: optax.OptState, first: int, last: int, which: str) -> Any:
         nonlocal rollouts
         course = []
         for step in range(first, last):
-            value, slope = cost.gradient(z, float(softness[step]))
+            values, slopes = cost.gradients(z, float(softness[step]))
             rollouts += cost.count
+            course.append(float(np.mean(values)))
             if step % 10 == 0:
-                tell(f"step {step} of {steps}{which}: cost {value:.3g}")
-            course.append(value)
-            # A rollout that runs away has no slope to follow.
-            update, state = adam.update(jnp.asarray(np.nan_to_num(slope)), state)
+                tell(f"step {step} of {steps}{which}: cost {course[-1]:.3g}")
+            update, state = adam.update(jnp.asarray(common_slope(slopes)), state)
             z = np.clip(z + np.asarray(update), low, high)
+            if step % every == every - 1:
+                judge(z)
         return z, state, course
 
+    judge(np.zeros(len(low)))
     runs = []
     for number, begin in enumerate(begins):
         which = f", start {number + 1} of {starts}" if starts > 1 else ""
         z, state, course = go(begin, adam.init(jnp.asarray(begin)), 0, trial, which)
-        runs.append((cost.hard(z), z, state, course))
-        rollouts += cost.count
-    _, z, state, course = min(runs, key=lambda run: run[0] if np.isfinite(run[0]) else np.inf)
+        runs.append((judge(z), z, state, course))
+    _, z, state, course = min(runs, key=lambda run: run[0])
     z, _, rest = go(z, state, trial, steps, "")
-    candidates = [np.zeros_like(z), z, *(run[1] for run in runs)]
-    rollouts += cost.count * len(candidates)
-    best = min(candidates, key=lambda z: (lambda c: c if np.isfinite(c) else np.inf)(cost.hard(z)))
+    judge(z)
+    best = min(found, key=lambda entry: entry[0])[1]
     return best, np.array(course + rest), softness, rollouts

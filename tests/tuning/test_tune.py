@@ -33,7 +33,7 @@ from jbridge.tuning.objectives import (
     Settling,
     usual_goal,
 )
-from jbridge.tuning.tune import tune
+from jbridge.tuning.tune import common_slope, tune
 from tests.problems import NUMBERS, make_plant
 
 DRY = ("coulomb_friction", "cart", {"level": 3.0})
@@ -108,8 +108,11 @@ def pid_cost():
 
 def test_the_gradient_is_that_of_the_cost(pid_cost):
     z = np.array([0.1, -0.2, 0.3, 0.1, -0.1, 0.2])
-    value, slope = pid_cost.gradient(z, 0.1)
-    assert value == pytest.approx(pid_cost.hard(z), rel=1e-12)  # a PID has nothing that is blurred
+    values, slopes = pid_cost.gradients(z, 0.1)
+    value, slope = values.mean(), slopes.mean(axis=0)
+    assert len(values) == pid_cost.count == 3 and value == pytest.approx(
+        pid_cost.hard(z), rel=1e-12
+    )  # a PID has nothing that is blurred
     for i in range(len(z)):
         step = np.zeros(len(z))
         step[i] = 1e-5
@@ -165,7 +168,7 @@ def test_the_smooth_fuzzy_loop_has_the_gradient_of_its_cost():
     knobs = FuzzyKnobs(paper_controller())
     cost = Cost(course, knobs, usual_goal())
     z = 0.1 * np.random.default_rng(0).standard_normal(len(knobs.knobs))
-    _, slope = cost.gradient(z, 0.3)
+    slope = cost.gradients(z, 0.3)[1].mean(axis=0)
     rng = np.random.default_rng(1)
     for _ in range(6):
         way = rng.standard_normal(len(z))
@@ -193,3 +196,10 @@ def test_the_linear_bridge_is_the_equations_linearised():
     np.testing.assert_allclose(a, exact[:6, :6], atol=2e-5)
     np.testing.assert_allclose(b, exact[:6, 6:], atol=2e-5)
     np.testing.assert_allclose(rest, [0.0, -m * n["gravity"] / n["hoist_gain"]], rtol=1e-12)
+
+
+def test_a_gradient_that_explodes_does_not_count_for_the_others():
+    slopes = np.ones((10, 2))
+    slopes[3], slopes[4], slopes[5] = 1e20, np.nan, -2.0
+    np.testing.assert_allclose(common_slope(slopes), (7 * 1.0 + 3.0 - 2.0) / 10, rtol=1e-12)
+    np.testing.assert_array_equal(common_slope(np.full((3, 2), np.inf)), 0.0)
