@@ -15,12 +15,10 @@ from ..control.base import AbstractController
 from ..summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays
-from .objectives import Goal
+from .objectives import Goal, late_from
 
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
-_LATE = 0.75
-"""Share of the rest after which the swing counts as residual."""
 
 
 class Cost:
@@ -97,7 +95,7 @@ def measure(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.
     def one(law: AbstractController, row: Float[Array, " parameter"], move: Moves) -> dict[str, Array]:
         leg, period = move.leg, jnp.asarray(course.period)
         end = period * (course.count - 1)
-        summary = MoveSummary(leg.goal, leg.goal - leg.start, leg.arrival + _LATE * (end - leg.arrival), period)
+        summary = MoveSummary(leg.goal, leg.goal - leg.start, late_from(leg.arrival, end), period)
         return course.run(law, row, move, collect=summary)
 
     over_moves = jax.vmap(one, in_axes=(None, None, 0))

@@ -20,6 +20,7 @@ _EVEN = 1e-3
 """Blur of an absolute value [m]: a tenth of what counts as near."""
 _LATE = 0.75
 """Share of the rest after which the swing counts as residual."""
+_AT_LAST = 0.9
 
 
 class Leg(NamedTuple):
@@ -42,6 +43,11 @@ class AbstractObjective(eqx.Module):
     @abc.abstractmethod
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         """The number, from the samples of one move."""
+
+
+def late_from(arrival: Array, end: Array) -> Array:
+    """Time from which swing is residual [s]: the last quarter of the rest, or a tenth of a move without any."""
+    return jnp.where(arrival < end, arrival + _LATE * (end - arrival), _AT_LAST * end)
 
 
 def _errors(response: Response, leg: Leg) -> tuple[Array, Array]:
@@ -87,7 +93,7 @@ class ResidualSwing(AbstractObjective):
     unit: ClassVar[str] = "rad"
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
-        late = response.times >= leg.arrival + _LATE * (response.times[-1] - leg.arrival)
+        late = response.times >= late_from(leg.arrival, response.times[-1])
         return jnp.sqrt(jnp.mean(response.q.psi**2, where=late) + 1e-12)
 
 
