@@ -51,10 +51,13 @@ def test_estimates_of_scalars_and_vectors():
     free = places("cart_gain", "position_dependent_friction@cart.levels[1]", "coulomb_friction@cart.level")
     found = estimates(TABLE, VECTOR, free, np.diag([0.25, 0.01, 9.0]))
     gain = found["cart_gain"]
-    assert (gain.value, gain.std, gain.unit) == (16.0, 0.5, "N/V")
-    assert gain.low == pytest.approx(16 - 0.98, abs=1e-3) and gain.high == pytest.approx(16 + 0.98, abs=1e-3)
+    # Twice the plain deviation, and a quarter of a percent of the value.
+    assert (gain.value, gain.unit) == (16.0, "N/V") and gain.std == pytest.approx(np.hypot(1.0, 0.04), rel=1e-9)
+    assert gain.low == pytest.approx(16 - 1.96 * gain.std, abs=1e-3) and gain.high == pytest.approx(
+        16 + 1.96 * gain.std, abs=1e-3
+    )
     levels = found["position_dependent_friction@cart.levels"]
-    assert levels.value == [0.0, 1.0, 2.0] and levels.std == pytest.approx([0.0, 0.1, 0.0])
+    assert levels.value == [0.0, 1.0, 2.0] and levels.std == pytest.approx([0.0, 0.2, 0.0], abs=1e-4)
     # An interval ends where physics does.
     assert found["coulomb_friction@cart.level"].low == 0.0
     known = found["cart_mass"]
