@@ -155,5 +155,5 @@ def usual_goal() -> Goal:
     """Settling and error first, then swing and overshoot, and a voltage that does not chatter."""
     return Goal(
         (Itae(), Settling(), ResidualSwing(), Overshoot(), Chatter()),
-        (2.0, 1.0, 20.0, 20.0, 0.5),
+        (2.0, 1.0, 100.0, 20.0, 0.5),
     )
