@@ -75,3 +75,23 @@ def test_what_is_missing_is_said(tmp_path, capsys, content, complaint):
     assert main(["figures", "--data", str(path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert complaint in said and said.count("\n") == 1
+
+
+def test_starts_and_diagnosis_are_told_where_they_were_run(tmp_path):
+    content = made_up()
+    assert "random starts" not in paper_tables(content)
+    ratios = [1.0, 1.005, 3.0]
+    number = {"name": "cart_gain", "start": [10.0, 20.0, 30.0], "found": [16.0, 16.1, 25.0]}
+    content["starts"] = {"ratios": ratios, "numbers": [number], "window": 2.0}
+    content["diagnosis"] = {"verdict": "missing_physics", "effects": [["dead_zone", "cart_drive"]], "seconds": 1.0}
+    text = paper_tables(content)
+    assert "2 of 3 random starts" in text and "dead zone at the cart drive" in text
+    data = tmp_path / "paper.json"
+    data.write_text(json.dumps(content))
+    assert main(["figures", "--data", str(data), "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "paper-starts.png").stat().st_size > 5000
+
+
+def test_a_folder_is_no_data(tmp_path, capsys):
+    assert main(["figures", "--data", str(tmp_path), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,7 +1,7 @@
 """The paper's experiments, one after the other: record, estimate, validate, control.
 
     python experiments/paper/run.py                 all of it, from scratch (needs the extra `proof`)
-    python experiments/paper/run.py --only record   one stage: record, estimate, validate, control, diagnose
+    python experiments/paper/run.py --only record   one stage: record, estimate, validate, control, starts, diagnose
 
 Recordings and fits go below out/paper; what the figures show goes to figures/data/paper.json, from which `jbridge
 figures` redraws them. Whatever the paper calls the real device is here the virtual rig (`virtual.py`).
@@ -23,7 +23,7 @@ OUT = ROOT / "out" / "paper"
 DATA = ROOT / "figures" / "data" / "paper.json"
 PARTITIONS = np.linspace(*RAIL, 7)
 """Partitions of the rail, chosen without knowing the rig's."""
-STAGES = ("record", "estimate", "validate", "control", "diagnose")
+STAGES = ("record", "estimate", "validate", "control", "starts", "diagnose")
 KEEP = 4
 """Every so many samples of 5 ms are kept for the figures."""
 
@@ -55,6 +55,22 @@ def validate() -> dict:
         table = jbridge.simulate(jbridge.load_model(path), recording)
         shown[name] = {key: values[::KEEP].tolist() for key, values in table.items()}
     return {"steps": shown, "friction": friction(), "numbers": numbers()}
+
+
+def starts() -> dict:
+    """The friction table and the damping from 64 random starts in one call: do they arrive at one place?"""
+    model = jbridge.load_model(HERE / "guess.toml")
+    recordings = jbridge.load_recordings(sorted((OUT / "recordings").glob("*.csv")))
+    found = jbridge.fit_from_many(model, recordings, starts=64, spread=0.5)
+    arrived = found.arrived()
+    print(f"{arrived.sum()} of 64 starts within 1 % of the best error; spread of their numbers:")
+    numbers = []
+    for k, name in enumerate(found.names):
+        own = found.found[arrived, k]
+        spread = float(np.ptp(own) / abs(np.median(own)))
+        print(f"  {name}: {np.median(own):.4g}, {100 * spread:.2g} %")
+        numbers.append({"name": name, "start": found.starts[:, k].tolist(), "found": found.found[:, k].tolist()})
+    return {"starts": {"ratios": found.ratios.tolist(), "numbers": numbers, "window": found.window}}
 
 
 def columns(path: Path) -> dict[str, list[float]]:

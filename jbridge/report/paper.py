@@ -8,9 +8,19 @@ from typing import Any
 import numpy as np
 
 from ..control.paper import ERROR_RANGE, cart_system, hoist_system
+from ..diagnosis.names import kind_name, site_name
 from ..errors import InputError
 from ..fuzzy.inference import Mamdani
-from .figures.paper import RIG, arrays, draw_friction, draw_sets, draw_sketch, draw_tracking, draw_validation
+from .figures.paper import (
+    RIG,
+    arrays,
+    draw_friction,
+    draw_sets,
+    draw_sketch,
+    draw_starts,
+    draw_tracking,
+    draw_validation,
+)
 from .figures.style import Picture
 from .files import PathLike, make_folder, write_bytes, write_text
 
@@ -67,6 +77,7 @@ def paper_pictures(saved: Mapping[str, Any]) -> tuple[Picture, ...]:
         ),
         *draw_tracking(saved["tracking"]),
         draw_friction(saved["friction"]),
+        *([draw_starts(saved["starts"])] if "starts" in saved else []),
     )
 
 
@@ -165,6 +176,24 @@ def _words(saved: Mapping[str, Any]) -> list[str]:
             f"hoist {effort['rig'][1] / effort['model'][1]:.2f}",
         ),
     ]
+    if "starts" in saved:
+        ratios = np.asarray(saved["starts"]["ratios"], dtype=float)
+        arrived = int(np.sum(ratios <= 1.01 * np.nanmin(ratios)))
+        rows.append(
+            (
+                "parameters found by comparing simulation and device",
+                f"{arrived} of {len(ratios)} random starts (50 %) arrive within 1 % of the smallest error",
+            )
+        )
+    if "diagnosis" in saved:
+        told = saved["diagnosis"]
+        named = ", ".join(f"{kind_name(kind)} at the {site_name(site)}" for kind, site in told["effects"])
+        rows.append(
+            (
+                "friction by place and direction, dead zones and the winch's delay have to be modelled",
+                f"`jbridge diagnose` alone, from a viscous model: `{told['verdict']}`; named: {named or 'nothing'}",
+            )
+        )
     return [f"| {said} | {measured} |" for said, measured in rows]
 
 

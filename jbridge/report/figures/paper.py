@@ -121,6 +121,34 @@ def draw_tracking(tracking: Mapping[str, Any]) -> tuple[Picture, ...]:
     )
 
 
+def draw_starts(starts: Mapping[str, Any]) -> Picture:
+    """Where many starts of the estimation begin and end, relative to the median of those that arrive."""
+    ratios = np.asarray(starts["ratios"], dtype=float)
+    arrived = ratios <= 1.01 * np.nanmin(ratios)
+    numbers = starts["numbers"]
+
+    def draw(figure: FigureBase) -> None:
+        panel = figure.subplots()
+        for row, number in enumerate(numbers):
+            found, begun = (np.asarray(number[key], dtype=float) for key in ("found", "start"))
+            middle = np.median(found[arrived])
+            lift = row + 0.18 * np.linspace(-1, 1, len(found))
+            panel.plot(begun / middle, lift, ".", color="#b0b0b0", markersize=3, label="starts" if row == 0 else None)
+            for chosen, colour, said in ((~arrived, BEFORE, "ended elsewhere"), (arrived, AFTER, "arrived")):
+                shown = said if row == 0 and chosen.any() else None
+                panel.plot(found[chosen] / middle, lift[chosen], "o", color=colour, markersize=3.5, label=shown)
+        panel.set_xscale("log")
+        panel.set_xlim(0.15, 7.0)
+        panel.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+        panel.set_yticks(range(len(numbers)), [n["name"].replace("_", " ") for n in numbers], fontsize=7.5)
+        panel.invert_yaxis()
+        panel.set_xlabel("value over the median of those that arrived")
+        figure.legend(loc="outside upper left", ncols=3)
+
+    said = f"{int(arrived.sum())} of {len(ratios)} starts come within 1 % of the smallest error"
+    return picture("paper-starts", "The estimation from many random starts", 0.9 + 0.2 * len(numbers), draw, said)
+
+
 def draw_friction(rows: Sequence[Mapping[str, Any]]) -> Picture:
     """The friction table by partition and direction, the rig's own and found."""
 
