@@ -39,6 +39,8 @@ class Knob:
     name: str
     low: float
     high: float
+    spread: float = 0.3
+    """Standard deviation of random starts."""
 
 
 class AbstractKnobs(abc.ABC):
@@ -62,7 +64,7 @@ class PositiveKnobs(AbstractKnobs):
         self._law = law
         self._names = tuple(name for name in names if float(getattr(law, name)) != 0.0)
         # Gains are guessed by orders of magnitude, not by percent.
-        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP) for name in self._names)
+        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP, 1.0) for name in self._names)
 
     def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
         values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, coordinates, strict=True)]
@@ -93,7 +95,8 @@ class FuzzyKnobs(AbstractKnobs):
                     self._variables.append((axis, role, place, found, at))
                     knobs += [Knob(f"{axis}.{variable.name}.{name}", -_GAP, _GAP) for name in found.names]
         self._scales = len(knobs)
-        knobs += [Knob(f"{axis}.scale", -_GAP, _GAP) for axis in ("cart", "hoist")]
+        # What counts as a large error is guessed by orders of magnitude.
+        knobs += [Knob(f"{axis}.scale", -_GAP, _GAP, 1.0) for axis in ("cart", "hoist")]
         self._weights = len(knobs) if weights else None
         if weights:
             for axis in ("cart", "hoist"):

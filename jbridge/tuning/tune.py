@@ -26,8 +26,8 @@ _RATE = 0.15
 """Step length at the beginning, in logarithms of the controller's numbers."""
 _LOUDEST = 3.0
 """Largest gradient of a rollout that counts in full, over the median."""
-_SPREAD = 0.3
-"""Standard deviation of further starts about the given controller."""
+_DRAWS = 16
+"""Random controllers of which the best one is a start."""
 _TRIAL = 5
 """Share of the steps, one in so many, after which only the best start goes on."""
 _JUDGED = 10
@@ -83,7 +83,8 @@ def tune(
         plants: bridges to learn from, the model itself among them.
         held_out: further bridges, on which random other moves are made; they choose nothing.
         steps: gradient steps.
-        starts: number of starts, the given controller first; after a fifth of the steps only the best goes on.
+        starts: number of starts, the given controller first, then the best of some random ones about it; after a fifth
+            of the steps only the best goes on.
         scatter: how far bridges lie from the model.
         seed: of bridges, moves and starts.
         progress: told what goes on, a short text at a time.
@@ -160,8 +161,6 @@ def _descend(
     schedule = optax.cosine_decay_schedule(_RATE, steps, alpha=0.05)
     adam = optax.chain(optax.clip_by_global_norm(1.0), optax.adam(schedule))
     trial = max(1, steps // _TRIAL) if starts > 1 else steps
-    begins = [np.zeros(len(low))]
-    begins += [np.clip(_SPREAD * rng.standard_normal(len(low)), low, high) for _ in range(starts - 1)]
     rollouts, every = 0, max(1, steps // _JUDGED)
     found: list[tuple[float, NDArray[np.float64]]] = []
 
@@ -189,6 +188,12 @@ def _descend(
         return z, state, course
 
     judge(np.zeros(len(low)))
+    begins = [np.zeros(len(low))]
+    spread = np.array([knob.spread for knob in knobs.knobs])
+    for number in range(starts - 1):
+        tell(f"drawing start {number + 2} of {starts}")
+        draws = [np.clip(spread * rng.standard_normal(len(low)), low, high) for _ in range(_DRAWS)]
+        begins.append(min(draws, key=judge))
     runs = []
     for number, begin in enumerate(begins):
         which = f", start {number + 1} of {starts}" if starts > 1 else ""
