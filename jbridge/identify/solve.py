@@ -88,7 +88,13 @@ def reduce(
     c[:, index, index] *= 1.0 + damping
     ga = products[:, :count, -1]
     gc = np.where(held, 0.0, products[:, s, -1] + precision * (initial - guess))
-    solved = np.linalg.solve(c, np.concatenate([b, gc[:, :, None]], axis=2))
+    # Sensitivities to a start may differ by a hundred orders of magnitude where a simulation nearly runs away; with a
+    # diagonal of ones the matrix can be solved all the same.
+    size = np.sqrt(np.maximum(c[:, index, index], 1e-300))
+    scaled = c / (size[:, :, None] * size[:, None, :])
+    scaled[:, index, index] += 1e-12
+    right = np.concatenate([b, gc[:, :, None]], axis=2) / size[:, :, None]
+    solved = np.linalg.solve(scaled, right) / size[:, :, None]
     by_lane = a - np.einsum("lsi,lsj->lij", b, solved[:, :, :count])
     g_by_lane = ga - np.einsum("lsi,ls->li", b, solved[:, :, count])
     return Reduced(

@@ -141,3 +141,19 @@ def test_a_bounded_step_is_the_best_within_its_bounds(seed):
 
 def root_of(matrix):
     return np.linalg.cholesky(matrix).T
+
+
+def test_states_of_a_simulation_that_nearly_runs_away_are_eliminated():
+    """Sensitivities of 1e120 and 1, and two that are the same: no traceback, and the rest as without that state."""
+    key = np.random.default_rng(0)
+    tangents = key.standard_normal((200, 9))
+    tangents[:, 2] *= 1e120
+    tangents[:, 4] = tangents[:, 3]
+    products = (tangents.T @ tangents)[None]
+    start = np.zeros((1, 6))
+    found = reduce(products, 2, 2, start, start, np.zeros((1, 6)))
+    assert np.isfinite(found.matrix).all() and np.isfinite(found.gradient).all()
+    mild = tangents.copy()
+    mild[:, 2] /= 1e120
+    wanted = reduce((mild.T @ mild)[None], 2, 2, start, start, np.zeros((1, 6)))
+    np.testing.assert_allclose(found.matrix, wanted.matrix, rtol=1e-6)
