@@ -34,7 +34,7 @@ PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
 """What a value with its gradient costs, in rollouts: at most this, measured by experiments/throughput."""
 CONTROLLERS = (
-    "paper", "paper scaled", "paper tuned", "extended", "extended tuned", "extended CMA-ES",
+    "paper", "paper scaled", "paper tuned", "extended", "extended tuned", "extended tuned, 6 moves", "extended CMA-ES",
     "PID tuned", "PID tuned, ZV", "PID tuned, ZVD", "LQR",
 )  # fmt: skip
 
@@ -73,9 +73,9 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
     tuned: dict[str, object] = {}
     budget = PLANTS * 2 * (STEPS + STARTS * STEPS // 5) * ROLLOUTS_OF_A_GRADIENT
 
-    def by_gradient(name: str, law: object) -> object:
+    def by_gradient(name: str, law: object, legs: jbridge.Legs | None = None, plants: int = PLANTS) -> object:
         found = jbridge.tune(
-            bench.model, jbridge.Controller(law, PERIOD), plants=PLANTS, steps=STEPS, starts=STARTS, seed=SEED,
+            bench.model, jbridge.Controller(law, PERIOD), legs=legs, plants=plants, steps=STEPS, starts=STARTS, seed=SEED,
             held_out=8, progress=told,
         )  # fmt: skip
         keep("tuning", name, {
@@ -108,6 +108,10 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
             found = by_gradient(name, law("paper"))
         elif name == "extended tuned":
             found = by_gradient(name, law("extended"))
+        elif name == "extended tuned, 6 moves":
+            few, more = jbridge.paper_legs(), jbridge.random_legs(4, SEED + 7)
+            legs = jbridge.Legs(np.concatenate([few.start, more.start]), np.concatenate([few.goal, more.goal]))
+            found = by_gradient(name, law("extended"), legs, PLANTS // 3)
         elif name == "extended CMA-ES":
             knobs = jbridge.FuzzyKnobs(jbridge.extended_controller())
             cost = jbridge.Cost(bench.train, knobs, jbridge.usual_goal())
@@ -137,7 +141,9 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         found = law(name)
         if isinstance(found, jbridge.FuzzyController):
             OUT.mkdir(parents=True, exist_ok=True)
-            jbridge.save_controller(OUT / f"{name.replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD))
+            jbridge.save_controller(
+                OUT / f"{name.replace(',', '').replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD)
+            )
         prepare = shaper(name, bench)
         legs = bench.train.legs
         courses = {

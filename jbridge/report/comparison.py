@@ -16,7 +16,7 @@ from .figures.style import Picture
 from .figures.tracking import draw_positions
 from .files import PathLike, write_bytes, write_text
 
-COMPARED = ("paper", "paper tuned", "extended tuned", "LQR", "PID tuned, ZVD")
+COMPARED = ("paper", "paper tuned", "extended tuned", "extended tuned, 6 moves", "LQR")
 """Controllers that the pictures show."""
 
 

@@ -38,9 +38,9 @@ def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | No
             panel.plot(values, curve, color=colour, linewidth=1.0, linestyle=(0, (4, 3)), alpha=0.6)
             continue
         panel.plot(values, curve, color=colour)
-        at = float(values[curve > curve.max() - 1e-9].mean())
         if curve.max() < 0.9:  # its peak lies outside
             continue
+        at = float(values[curve >= curve.max() - 1e-9].mean())
         if named and abs(at - named[-1][0]) < 0.04 * (high - low):
             named[-1] = (named[-1][0], f"{named[-1][1]} {said}", RECORDED)
         else:
