@@ -75,8 +75,8 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
 
     def by_gradient(name: str, law: object, legs: jbridge.Legs | None = None, plants: int = PLANTS) -> object:
         found = jbridge.tune(
-            bench.model, jbridge.Controller(law, PERIOD), legs=legs, plants=plants, steps=STEPS, starts=STARTS, seed=SEED,
-            held_out=8, progress=told,
+            bench.model, jbridge.Controller(law, PERIOD), legs=legs, plants=plants, steps=STEPS, starts=STARTS,
+            seed=SEED, held_out=8, progress=told,
         )  # fmt: skip
         keep("tuning", name, {
             "history": found.history, "softness": found.softness, "seconds": found.seconds,
