@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from math import nan
 
+import jax
+
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
@@ -16,6 +18,8 @@ from .tell import HOLDS, Step
 from .trials import State, Trial, accepts, held
 
 MOST_EFFECTS = 6
+_KEPT = 2
+"""Accepted effects up to which all compiled programs are kept."""
 MOST_WITH_MECHANISMS = 2
 """Effects after which those with a hidden state, which take longest to try, are tried no more."""
 DRIFTING = 25.0
@@ -69,6 +73,9 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     learnable, after = 0.0, 0.0
     screened, left = None, []
     for _ in range(MOST_EFFECTS):
+        if len(steps) >= _KEPT:
+            # Programs of structures that were tried are needed no more, and their memory maps are limited.
+            jax.clear_caches()
         screened, trials = _weigh(search, state)
         after = screened.learnable
         if not steps:
