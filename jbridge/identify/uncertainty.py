@@ -63,15 +63,17 @@ def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return inverse / np.outer(scale, scale)
 
 
+def widened(stds: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviations with what an engine's difference from a rig adds."""
+    return np.hypot(_FACTOR * stds, _SHARE * values)
+
+
 def estimates(
     table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], cov: NDArray[np.float64]
 ) -> dict[str, Estimate]:
     """Every parameter of a table with its 95 % interval; what was not estimated has none."""
-    plain = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    stds = {
-        int(place): float(np.hypot(_FACTOR * std, _SHARE * vector[place]))
-        for place, std in zip(free, plain, strict=True)
-    }
+    wide = widened(np.sqrt(np.maximum(np.diag(cov), 0.0)), vector[free])
+    stds = {int(place): float(std) for place, std in zip(free, wide, strict=True)}
     low_all, high_all = table.bounds()
     groups: dict[str, list[int]] = {}
     for entry in table.entries:
@@ -111,17 +113,18 @@ def warnings(
     """What the recordings cannot determine, in sentences."""
     out = []
     stds = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    wide = widened(stds, vector[free])
     low, high = table.bounds()
     loose: dict[str, list[int]] = {}
     for i, place in enumerate(free):
         entry = table.entry(int(place))
-        if stds[i] > 0.5 * max(abs(vector[place]), 1e-9):
+        if wide[i] > 0.5 * max(abs(vector[place]), 1e-9):
             if entry.info.vector:
                 loose.setdefault(entry.group, []).append(i)
                 continue
             out.append(
                 f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
-                f"{_NORMAL * stds[i]:.2g}."
+                f"{_NORMAL * wide[i]:.2g}."
             )
         elif vector[place] <= low[place] or vector[place] >= high[place]:
             out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")

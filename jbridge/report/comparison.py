@@ -18,6 +18,9 @@ from .files import PathLike, write_bytes, write_text
 
 COMPARED = ("paper", "paper tuned", "extended tuned", "extended tuned, 6 moves", "LQR")
 """Controllers that the pictures show."""
+_MOVES = ("paper", "paper tuned", "extended tuned", "LQR")
+_LATEST = 9.5
+"""Time by which a move of 10 s must have settled for good [s]."""
 
 
 def save_comparison(folder: PathLike, data: PathLike, tuned: PathLike) -> list[Path]:
@@ -39,7 +42,9 @@ def save_comparison(folder: PathLike, data: PathLike, tuned: PathLike) -> list[P
 
 def _values(kept: Mapping[str, Any], name: str, course: str, key: str) -> NDArray[np.float64]:
     found = kept["controllers"][name]["measures"][course][key]
-    return np.array([[np.nan if value is None else value for value in row] for row in found], dtype=float)
+    values = np.array([[np.nan if value is None else value for value in row] for row in found], dtype=float)
+    # A load that swings on crosses the goal again and again: that its last crossing was late is no settling.
+    return np.where(values > _LATEST, np.nan, values) if key.startswith("settling") else values
 
 
 def _spread(values: NDArray[np.float64], factor: float = 1.0) -> str:
@@ -61,8 +66,9 @@ def table(kept: Mapping[str, Any]) -> str:
         "",
         "The paper's two moves on the virtual rig (10 s each), and 4 random moves on each of 200 held-out bridges:",
         "friction by a third, load mass by half, dead zones and lag by 0.3 about the fitted model. Settled: the load",
-        "is within 1 cm of the goal for good. Swing: largest angle over the last quarter of the rest. ITAE: of cart",
-        "and rope. Of ensembles the median, the worst in brackets. Redrawn by",
+        "is within 1 cm of the goal sideways, from 9.5 s at the latest on. Swing: largest angle over the last quarter",
+        "of the rest. ITAE: of cart and rope, to the reference that the controller is given (for ZV and ZVD the shaped",
+        "one). Of ensembles the median, the worst in brackets. Redrawn by",
         "`python experiments/tuning/run.py --figures`.",
         "",
         "| controller | rig: settled [s] | swing [deg] | overshoot x, l [%] | ITAE [m s^2] |"
@@ -73,13 +79,19 @@ def table(kept: Mapping[str, Any]) -> str:
         rig = entry["rig"]
         settled = ", ".join(_number(run["settling"]["load"]) for run in rig)
         swing = ", ".join(_number(run["swing"], 180 / np.pi, 2) for run in rig)
-        beyond = ", ".join(f"{100 * max(run['overshoot'].values()):.2g}" for run in rig)
+        beyond = ", ".join(f"{100 * max(run['overshoot'].values()) + 0.0:.2g}" for run in rig)
         itae = ", ".join(f"{sum(run['itae'].values()):.3g}" for run in rig)
         held = [_values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing")]
         errors = _values(kept, name, "held_out", "itae_x") + _values(kept, name, "held_out", "itae_l")
         others = " | ".join((_spread(held[0]), _spread(held[1], 180 / np.pi), _spread(errors)))
         lines.append(f"| {name} | {settled} | {swing} | {beyond} | {itae} | {others} |")
-    lines += ["", "| tuned by | rollouts | seconds | cost at the end |", "|---|---|---|---|"]
+    lines += [
+        "",
+        "Last cost of a search: of the smooth controller where it is by gradients; the 6 moves are other ones.",
+        "",
+        "| search | rollouts | seconds | last cost |",
+        "|---|---|---|---|",
+    ]
     for name, entry in kept.get("tuning", {}).items():
         costs = [value for value in entry["history"] if value is not None]
         lines.append(f"| {name} | {entry['rollouts']:,} | {entry['seconds']:.0f} | {costs[-1]:.3g} |")
@@ -107,7 +119,7 @@ def pictures(kept: Mapping[str, Any], tuned: Path) -> list[Picture]:
     ]
     for number in range(2):
         runs = {}
-        for name in shown[:4]:
+        for name in (name for name in _MOVES if name in kept["controllers"]):
             run = kept["controllers"][name]["rig"][number]["run"]
             runs[name] = {key: np.array(values, dtype=float) for key, values in run.items()}
         reference = kept["controllers"][shown[0]]["rig"][number]["reference"]

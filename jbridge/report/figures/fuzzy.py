@@ -66,7 +66,13 @@ def draw_changed_sets(name: str, title: str, before: Mamdani, after: Mamdani) ->
             draw_variable(panel, old, "", limit, faint=True)
             draw_variable(panel, new, f"{new.name} [{UNITS.get(new.name, '1')}]", limit)
 
-    return picture(name, title, 1.6 * len(pairs), draw, "Dashed: as given. Solid: tuned.")
+    return picture(
+        name,
+        title,
+        1.6 * len(pairs),
+        draw,
+        "Dashed: as given. Solid: tuned. An error of 1 is that of each controller's own scale.",
+    )
 
 
 def _close(*variables: Variable) -> float | None:
@@ -129,7 +135,13 @@ def draw_surfaces(name: str, title: str, systems: Mapping[str, AbstractSystem], 
                 panel.set_title(said, fontsize=10)
                 figure.colorbar(drawn, ax=panel, label="voltage [V]", ticks=[-most, 0, most])
 
-    return picture(name, title, 2.7 * len(systems), draw, "Black line: zero volts. Other inputs in their middle.")
+    return picture(
+        name,
+        title,
+        2.7 * len(systems),
+        draw,
+        "Black line: zero volts. Other inputs in their middle. An error of 1 is that of the controller's own scale.",
+    )
 
 
 def silent_share(system: AbstractSystem, values: NDArray[np.float64]) -> float:
