@@ -150,10 +150,7 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
-    if arguments.controller:
-        controller = jbridge.load_controller(arguments.controller)
-    else:
-        controller = jbridge.Controller(jbridge.paper_controller())
+    controller = _controller(arguments.controller)
     if arguments.reference:
         path = jbridge.load_reference(arguments.reference, controller.period)
     else:
@@ -172,11 +169,7 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
-    if arguments.controller:
-        controller = jbridge.load_controller(arguments.controller)
-    else:
-        rules = {"paper": jbridge.paper_controller, "extended": jbridge.extended_controller}
-        controller = jbridge.Controller(rules[arguments.rules]())
+    controller = _controller(arguments.controller, arguments.rules)
     tuning = jbridge.tune(
         model,
         controller,
@@ -190,6 +183,14 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_tuning(arguments.out, tuning)
     progress.clear()
     print(jbridge.describe_tuning(tuning, arguments.out), end="")
+
+
+def _controller(path: str | None, rules: str = "paper") -> "jbridge.Controller":
+    """The controller of a file, or one of those that need none."""
+    if path:
+        return jbridge.load_controller(path)
+    own = {"paper": jbridge.paper_controller, "extended": jbridge.extended_controller}
+    return jbridge.Controller(own[rules]())
 
 
 def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:

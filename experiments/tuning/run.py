@@ -29,6 +29,8 @@ from rivals import lqr_gains, population  # noqa: E402
 
 DATA = ROOT / "figures" / "data" / "tuning.json"
 OUT = ROOT / "out" / "tuning"
+MEASURES = ("settling_load", "residual_swing", "itae_x", "itae_l")
+"""What is kept of every held-out bridge and move."""
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
 PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
@@ -47,7 +49,6 @@ class Bench:
         plant = self.model.plant
         self.train = jbridge.Course(plant, jbridge.scattered(plant, PLANTS, SEED), jbridge.paper_legs(), PERIOD)
         rows = jbridge.scattered(plant, HELD_OUT + 1, SEED + 1)[1:]
-        self.prepare = None
         self.held_out = jbridge.Course(plant, rows, jbridge.random_legs(4, SEED + 1), PERIOD)
         effects = {(e.kind, e.site): e for e in plant.effects}
         friction = effects["position_direction_friction", "cart"]
@@ -145,14 +146,11 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
                 OUT / f"{name.replace(',', '').replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD)
             )
         prepare = shaper(name, bench)
-        legs = bench.train.legs
-        courses = {
-            "train": jbridge.Course(bench.model.plant, bench.train.rows, legs, PERIOD, prepare),
-            "held_out": jbridge.Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare),
-        }
-        measures = {key: jbridge.measure(course, found) for key, course in courses.items()}
-        rig = on_rig(jbridge.Controller(found, PERIOD), courses["train"])
-        keep("controllers", name, {"measures": measures, "rig": rig})
+        held_out = jbridge.Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare)
+        measured = jbridge.measure(held_out, found)
+        train = jbridge.Course(bench.model.plant, bench.train.rows[:1], bench.train.legs, PERIOD, prepare)
+        rig = on_rig(jbridge.Controller(found, PERIOD), train)
+        keep("controllers", name, {"measures": {"held_out": {key: measured[key] for key in MEASURES}}, "rig": rig})
         told(f"{name}: settled on the rig {[run['settling'] for run in rig]}")
 
 
@@ -186,7 +184,7 @@ def rounded(value: object) -> object:
     if isinstance(value, list | tuple | np.ndarray):
         return [rounded(entry) for entry in value]
     if isinstance(value, float | np.floating):
-        return float(f"{value:.5g}") if np.isfinite(value) else None
+        return float(f"{value:.4g}") if np.isfinite(value) else None
     return value
 
 
