@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from jbridge.collect import Every as Every
     from jbridge.collect import Everything as Everything
     from jbridge.control.base import Reference as Reference
+    from jbridge.control.compensation import Compensation as Compensation
     from jbridge.control.extended import extended_controller as extended_controller
     from jbridge.control.files import Controller as Controller
     from jbridge.control.files import load_controller as load_controller
     from jbridge.control.files import save_controller as save_controller
     from jbridge.control.fuzzy import FuzzyController as FuzzyController
-    from jbridge.control.linear import Compensation as Compensation
     from jbridge.control.linear import Pid as Pid
     from jbridge.control.linear import StateFeedback as StateFeedback
     from jbridge.control.measures import moves as moves
@@ -72,11 +72,13 @@ if TYPE_CHECKING:
     from jbridge.sweep.spec import load_sweep as load_sweep
     from jbridge.tracking import Tracking as Tracking
     from jbridge.tracking import track as track
+    from jbridge.tuning.compensation import compensation_for as compensation_for
     from jbridge.tuning.cost import Cost as Cost
     from jbridge.tuning.cost import measure as measure
     from jbridge.tuning.ensemble import Course as Course
     from jbridge.tuning.ensemble import Legs as Legs
     from jbridge.tuning.ensemble import Scatter as Scatter
+    from jbridge.tuning.ensemble import mixed_legs as mixed_legs
     from jbridge.tuning.ensemble import paper_legs as paper_legs
     from jbridge.tuning.ensemble import random_legs as random_legs
     from jbridge.tuning.ensemble import scattered as scattered
@@ -96,7 +98,7 @@ _HOMES = {
     "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
-    "Compensation": "control.linear",
+    "Compensation": "control.compensation",
     "Controller": "control.files",
     "Cost": "tuning.cost",
     "Course": "tuning.ensemble",
@@ -123,6 +125,7 @@ _HOMES = {
     "Tuning": "tuning.tune",
     "check_output": "report.files",
     "closed_loop": "loop",
+    "compensation_for": "tuning.compensation",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
     "describe_tracking": "report.tracking",
@@ -143,6 +146,7 @@ _HOMES = {
     "load_reference": "control.references",
     "load_sweep": "sweep.spec",
     "measure": "tuning.cost",
+    "mixed_legs": "tuning.ensemble",
     "moves": "control.measures",
     "paper_controller": "control.paper",
     "paper_legs": "tuning.ensemble",
@@ -206,6 +210,7 @@ __all__ = [
     "Tuning",
     "check_output",
     "closed_loop",
+    "compensation_for",
     "describe_diagnosis",
     "describe_fit",
     "describe_tracking",
@@ -226,6 +231,7 @@ __all__ = [
     "load_reference",
     "load_sweep",
     "measure",
+    "mixed_legs",
     "moves",
     "paper_controller",
     "paper_legs",

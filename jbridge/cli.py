@@ -169,7 +169,10 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
-    controller = _controller(arguments.controller, arguments.rules)
+    if arguments.controller or arguments.rules == "paper":
+        controller = _controller(arguments.controller)
+    else:
+        controller = jbridge.Controller(jbridge.extended_controller(jbridge.compensation_for(model.plant)))
     tuning = jbridge.tune(
         model,
         controller,
@@ -185,12 +188,9 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     print(jbridge.describe_tuning(tuning, arguments.out), end="")
 
 
-def _controller(path: str | None, rules: str = "paper") -> "jbridge.Controller":
-    """The controller of a file, or one of those that need none."""
-    if path:
-        return jbridge.load_controller(path)
-    own = {"paper": jbridge.paper_controller, "extended": jbridge.extended_controller}
-    return jbridge.Controller(own[rules]())
+def _controller(path: str | None) -> "jbridge.Controller":
+    """The controller of a file, or the paper's."""
+    return jbridge.load_controller(path) if path else jbridge.Controller(jbridge.paper_controller())
 
 
 def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:

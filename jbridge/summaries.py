@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from ._math import sincos
 from .collect import AbstractSummary
-from .control.measures import NEAR
+from .control.measures import DWELL, NEAR
 
 UNITS = {
     "settling_x": "s",
@@ -95,8 +95,8 @@ class MoveSummary(AbstractSummary):
         count = numbers.samples
         seconds = count * self.period
         settled = numbers.outside + jnp.where(numbers.outside >= 0, self.period, 1.0)
-        # Outside at the last sample: not settled, which is no number.
-        settled = jnp.where(settled > seconds - 0.5 * self.period, jnp.nan, settled)
+        # Outside near the end: not settled, which is no number. The last sample is a period before `seconds`.
+        settled = jnp.where(settled > seconds - self.period - DWELL + 0.5 * self.period, jnp.nan, settled)
         rms = jnp.sqrt(numbers.squares / count)
         values = (
             settled[0], settled[1], settled[2], numbers.beyond[0], numbers.beyond[1], numbers.error[0],

@@ -29,6 +29,8 @@ class Tracking:
     """[s]"""
     reference: Mapping[str, NDArray[np.float64]]
     """Wanted `x` and `l` [m]."""
+    reference_speed: Mapping[str, NDArray[np.float64]]
+    """The same for their speeds [m/s]."""
     position: Mapping[str, NDArray[np.float64]]
     """True `x` [m], `psi` [rad], `l` [m]."""
     measured: Mapping[str, NDArray[np.float64]]
@@ -84,6 +86,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     return Tracking(
         path.times,
         {"x": path.x, "l": path.l},
+        {"x": path.v_x, "l": path.v_l},
         dict(zip(names, position.T, strict=True)),
         {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
         {"u_x": command[:, 0], "u_l": command[:, 1]},

@@ -29,23 +29,27 @@ def lqr_gains(plant: jbridge.Plant, period: float) -> Callable[[np.ndarray], np.
 
 def population(
     cost: Callable[[np.ndarray], float],
-    low: np.ndarray,
-    high: np.ndarray,
+    begin: np.ndarray,
+    spread: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
     evaluations: int,
     seed: int,
     tell: Callable[[str], None],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """CMA-ES from the middle of nothing changed (0, or the middle of the bounds), and the best cost so far."""
-    begin = np.where((low < 0) & (high > 0), 0.0, 0.5 * (low + high))
-    options = {"bounds": [low, high], "maxfevals": evaluations, "seed": seed + 1, "verbose": -9}
-    search = cma.CMAEvolutionStrategy(begin, 0.5, options)
-    best: list[float] = []
+    """CMA-ES from a given point with a spread for each coordinate: the best point, and the best cost so far."""
+    options = {
+        "bounds": list(bounds), "CMA_stds": spread, "maxfevals": evaluations, "seed": seed + 1, "verbose": -9,
+    }  # fmt: skip
+    search = cma.CMAEvolutionStrategy(begin, 1.0, options)
+    best, point = [cost(begin)], begin
     while not search.stop():
-        points = search.ask()
-        values = [cost(np.asarray(point)) for point in points]
+        points = [np.asarray(asked) for asked in search.ask()]
         # A rollout that runs away is the worst of all.
-        search.tell(points, [value if np.isfinite(value) else 1e6 for value in values])
-        best += [min([*best[-1:], *(v for v in values[: i + 1] if np.isfinite(v))]) for i in range(len(values))]
+        values = [value if np.isfinite(value) else 1e6 for value in map(cost, points)]
+        search.tell(points, values)
+        for asked, value in zip(points, values, strict=True):
+            point = asked if value < best[-1] else point
+            best.append(min(best[-1], value))
         if search.countiter % 10 == 0:
             tell(f"CMA-ES, {search.countevals} of {evaluations} evaluations: {best[-1]:.4g}")
-    return np.asarray(search.result.xbest), np.array(best)
+    return point, np.array(best)

@@ -10,7 +10,6 @@ and on the virtual rig. Numbers are kept in figures/data/tuning.json, tuned cont
 """
 
 import argparse
-import dataclasses
 import json
 import sys
 import time
@@ -36,8 +35,8 @@ PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
 """What a value with its gradient costs, in rollouts: at most this, measured by experiments/throughput."""
 CONTROLLERS = (
-    "paper", "paper scaled", "paper tuned", "extended", "extended tuned", "extended tuned, 6 moves", "extended CMA-ES",
-    "PID tuned", "PID tuned, ZV", "PID tuned, ZVD", "LQR",
+    "paper", "paper scaled", "paper tuned", "extended", "extended tuned", "extended CMA-ES", "PID tuned",
+    "PID tuned, ZV", "PID tuned, ZVD", "LQR",
 )  # fmt: skip
 
 
@@ -47,26 +46,10 @@ class Bench:
     def __init__(self) -> None:
         self.model = jbridge.load_model(FITTED)
         plant = self.model.plant
-        self.train = jbridge.Course(plant, jbridge.scattered(plant, PLANTS, SEED), jbridge.paper_legs(), PERIOD)
+        rows = jbridge.scattered(plant, PLANTS, SEED)
+        self.train = jbridge.Course(plant, rows, jbridge.mixed_legs(PLANTS, SEED), PERIOD)
         rows = jbridge.scattered(plant, HELD_OUT + 1, SEED + 1)[1:]
-        self.held_out = jbridge.Course(plant, rows, jbridge.random_legs(4, SEED + 1), PERIOD)
-        effects = {(e.kind, e.site): e for e in plant.effects}
-        friction = effects["position_direction_friction", "cart"]
-        level = float(np.mean([np.asarray(friction.positive), np.asarray(friction.negative)]))
-        bridge = plant.bridge
-        dead = [
-            float(effects["dead_zone", f"{axis}_drive"].positive + effects["dead_zone", f"{axis}_drive"].negative) / 2
-            for axis in ("cart", "hoist")
-        ]
-        hoist = float(effects["coulomb_friction", "hoist"].level)
-        self.lost = (dead[0] + level / float(bridge.cart_gain), dead[1] + hoist / float(bridge.hoist_gain))
-        self.bias = -float(bridge.load_mass * bridge.gravity / bridge.hoist_gain)
-        """Voltage that holds the load."""
-
-    def compensation(self, share: float = 0.8) -> jbridge.Compensation:
-        # Full compensation of a friction that is smaller elsewhere would push by itself.
-        cart, hoist = (share * lost for lost in self.lost)
-        return jbridge.Compensation(cart=cart, hoist=hoist, hoist_bias=self.bias)
+        self.held_out = jbridge.Course(plant, rows, jbridge.random_legs(4, SEED + 1, bridges=HELD_OUT), PERIOD)
 
 
 def controllers(bench: Bench, wanted: set[str]) -> None:
@@ -74,24 +57,33 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
     tuned: dict[str, object] = {}
     budget = PLANTS * 2 * (STEPS + STARTS * STEPS // 5) * ROLLOUTS_OF_A_GRADIENT
 
-    def by_gradient(name: str, law: object, legs: jbridge.Legs | None = None, plants: int = PLANTS) -> object:
+    def by_gradient(name: str, law: object) -> object:
         found = jbridge.tune(
-            bench.model, jbridge.Controller(law, PERIOD), legs=legs, plants=plants, steps=STEPS, starts=STARTS,
-            seed=SEED, held_out=8, progress=told,
+            bench.model, jbridge.Controller(law, PERIOD), plants=PLANTS, steps=STEPS, starts=STARTS, seed=SEED,
+            held_out=8, progress=told,
         )  # fmt: skip
         keep("tuning", name, {
             "history": found.history, "softness": found.softness, "seconds": found.seconds,
             "rollouts": found.rollouts * ROLLOUTS_OF_A_GRADIENT, "coordinates": found.coordinates,
+            "costs": found.costs["train"],
         })  # fmt: skip
         return found.controller.law
 
-    def by_population(
-        name: str, law_of, low: np.ndarray, high: np.ndarray, cost: jbridge.Cost, rollouts: int
-    ) -> object:
+    def by_population(name: str, law_of, begin: np.ndarray, spread: np.ndarray, bounds) -> object:
+        cost = jbridge.Cost(bench.train, jbridge.knobs_of(jbridge.Pid()), jbridge.usual_goal())
         begun = time.perf_counter()
-        best, history = population(lambda z: cost.of(law_of(z)), low, high, rollouts // cost.count, SEED, told)
-        keep("tuning", name, {"history": history, "seconds": time.perf_counter() - begun, "rollouts": rollouts})
+        best, history = population(
+            lambda z: cost.of(law_of(z)), begin, spread, bounds, budget // cost.count, SEED, told
+        )
+        keep("tuning", name, {
+            "history": history, "seconds": time.perf_counter() - begun, "rollouts": len(history) * cost.count,
+            "costs": (history[0], history[-1]),
+        })  # fmt: skip
         return law_of(best)
+
+    def knobs_by_population(name: str, knobs: jbridge.FuzzyKnobs) -> object:
+        spread = np.array([knob.spread for knob in knobs.knobs])
+        return by_population(name, lambda z: knobs.set(jnp.asarray(z)), np.zeros(len(spread)), spread, knobs.bounds())
 
     def law(name: str) -> object:
         """A controller by name, tuned if it is not yet."""
@@ -100,39 +92,28 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         if name == "paper":
             found: object = jbridge.paper_controller()
         elif name == "extended":
-            found = jbridge.extended_controller()
+            found = jbridge.extended_controller(jbridge.compensation_for(bench.model.plant))
         elif name == "paper scaled":
-            knobs = jbridge.FuzzyKnobs(jbridge.paper_controller(), weights=False, sets=False)
-            cost = jbridge.Cost(bench.train, knobs, jbridge.usual_goal())
-            found = by_population(name, lambda z: knobs.set(jnp.asarray(z)), *knobs.bounds(), cost, budget)
-        elif name == "paper tuned":
-            found = by_gradient(name, law("paper"))
-        elif name == "extended tuned":
-            found = by_gradient(name, law("extended"))
-        elif name == "extended tuned, 6 moves":
-            few, more = jbridge.paper_legs(), jbridge.random_legs(4, SEED + 7)
-            legs = jbridge.Legs(np.concatenate([few.start, more.start]), np.concatenate([few.goal, more.goal]))
-            found = by_gradient(name, law("extended"), legs, PLANTS // 3)
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(law("paper"), weights=False, sets=False))
         elif name == "extended CMA-ES":
-            knobs = jbridge.FuzzyKnobs(jbridge.extended_controller())
-            cost = jbridge.Cost(bench.train, knobs, jbridge.usual_goal())
-            found = by_population(name, lambda z: knobs.set(jnp.asarray(z)), *knobs.bounds(), cost, budget)
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(law("extended")))
+        elif name in ("paper tuned", "extended tuned"):
+            found = by_gradient(name, law(name.removesuffix(" tuned")))
         elif name.startswith("PID tuned"):
             if "," in name:
                 return law("PID tuned")
-            found = by_gradient(name, jbridge.Pid(compensation=bench.compensation()))
+            found = by_gradient(name, jbridge.Pid(compensation=jbridge.compensation_for(bench.model.plant)))
         else:
             weights = lqr_gains(bench.model.plant, PERIOD)
-            start = jbridge.StateFeedback(jnp.asarray(weights(np.zeros(8))), compensation=bench.compensation())
-            cost = jbridge.Cost(bench.train, jbridge.knobs_of(jbridge.Pid()), jbridge.usual_goal())
 
             def law_of(z: np.ndarray) -> jbridge.StateFeedback:
-                return dataclasses.replace(
-                    start, gains=jnp.asarray(weights(z[:8])), compensation=bench.compensation(float(z[8]))
+                return jbridge.StateFeedback(
+                    jnp.asarray(weights(z[:8])),
+                    compensation=jbridge.compensation_for(bench.model.plant, float(z[8])),
                 )
 
-            low, high = np.array([-8.0] * 8 + [0.0]), np.array([8.0] * 8 + [1.0])
-            found = by_population(name, law_of, low, high, cost, budget)
+            bounds = np.array([-8.0] * 8 + [0.0]), np.array([8.0] * 8 + [1.0])
+            found = by_population(name, law_of, np.array([0.0] * 8 + [0.8]), np.array([1.0] * 8 + [0.1]), bounds)
         tuned[name] = found
         return found
 
@@ -148,8 +129,8 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         prepare = shaper(name, bench)
         held_out = jbridge.Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare)
         measured = jbridge.measure(held_out, found)
-        train = jbridge.Course(bench.model.plant, bench.train.rows[:1], bench.train.legs, PERIOD, prepare)
-        rig = on_rig(jbridge.Controller(found, PERIOD), train)
+        moves = jbridge.Course(bench.model.plant, bench.train.rows[:1], jbridge.paper_legs(), PERIOD, prepare)
+        rig = on_rig(jbridge.Controller(found, PERIOD), moves)
         keep("controllers", name, {"measures": {"held_out": {key: measured[key] for key in MEASURES}}, "rig": rig})
         told(f"{name}: settled on the rig {[run['settling'] for run in rig]}")
 

@@ -2,16 +2,17 @@
 
 In the paper's rule base the rules that name the velocity ask for more than rules that conclude the same, and those that
 name the angle only ever speak for zero voltage. Here the velocity brakes what the error drives, and the angle moves the
-cart after the load: a cart whose drive turns voltage into speed then takes energy out of the swing.
+cart after the load: a cart whose drive turns voltage into speed then takes energy out of the swing. The velocity is
+that beyond the reference's, which is not to be braked.
 """
 
 from ..fuzzy.inference import Mamdani
 from ..fuzzy.membership import as_number
 from ..fuzzy.norms import Product, Sum
 from ..fuzzy.rules import Variable, rule
+from .compensation import LIMITS, Compensation
 from .fuzzy import FuzzyController
-from .linear import LIMITS
-from .paper import ERROR_RANGE, angle_sets, error_sets, velocity_sets, voltage_sets
+from .paper import angle_sets, error_sets, velocity_sets, voltage_sets
 
 _TABLE = {
     # error: voltage where the velocity is NB, ZE, PB
@@ -33,16 +34,24 @@ SWING = (
     "if angle is P then voltage is PS",
 )
 """The cart follows the load."""
+SCALE = 0.4
+"""Error that counts as 1 [m]."""
 
 
-def extended_controller() -> FuzzyController:
-    """The paper's variables and sets with rules for error, velocity and angle, each of which counts by its degree.
+def extended_controller(compensation: Compensation | None = None) -> FuzzyController:
+    """The paper's variables with rules for error, velocity and angle, each of which counts by its degree.
 
     Degrees are multiplied and conclusions added, so that rules which contradict each other are weighed.
+
+    Args:
+        compensation: of what friction and dead zones take; `tuning.compensation_for` has a model's.
     """
-    cart = _system((error_sets(0.03, 0.15), velocity_sets(), angle_sets()), voltage_sets(LIMITS[0]), TRACKING + SWING)
+    cart = _system(
+        (error_sets(0.03, 0.15), velocity_sets(), angle_sets(0.0, 8.0, 2.0)), voltage_sets(LIMITS[0]), TRACKING + SWING
+    )
     hoist = _system((error_sets(0.03, 0.1), velocity_sets()), voltage_sets(LIMITS[1]), TRACKING)
-    return FuzzyController(cart, hoist, as_number(ERROR_RANGE), as_number(ERROR_RANGE))
+    scale = as_number(SCALE)
+    return FuzzyController(cart, hoist, scale, scale, compensation=compensation, relative_speed=True)
 
 
 def _system(inputs: tuple[Variable, ...], output: Variable, rules: tuple[str, ...]) -> Mamdani:

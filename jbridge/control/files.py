@@ -17,6 +17,7 @@ from ..fuzzy.membership import MEMBERSHIPS, AbstractMembership, as_number
 from ..fuzzy.norms import NORMS
 from ..fuzzy.rules import Variable, in_words, rule
 from .base import AbstractController, Differences
+from .compensation import Compensation
 from .fuzzy import FuzzyController
 
 PERIOD = 0.02
@@ -27,6 +28,7 @@ _METHODS = {
     "implication": ("min", "prod"),
     "aggregation": ("max", "sum", "probor"),
 }
+_KEYS = ("kind", "period", "cart_scale", "hoist_scale", "filter", "relative_speed", "compensation", "cart", "hoist")
 _INPUTS = {"cart": ("error", "velocity", "angle"), "hoist": ("error", "velocity")}
 """What each axis' system is asked with, in this order."""
 
@@ -50,7 +52,7 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
     """
     document = read_toml(Path(path), "controller", 'kind = "fuzzy" and the tables [cart] and [hoist]')
     file = Where(str(path))
-    file.check_keys(document, ("kind", "period", "cart_scale", "hoist_scale", "filter", "cart", "hoist"), "key")
+    file.check_keys(document, _KEYS, "key")
     word(file, "kind", document.get("kind"), ("fuzzy",))
     systems = {}
     for axis, names in _INPUTS.items():
@@ -72,6 +74,8 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
         as_number(_positive(file, document, "cart_scale", 1.0)),
         as_number(_positive(file, document, "hoist_scale", 1.0)),
         Differences(as_number(_positive(file, document, "filter", 0.02))),
+        compensation=_read_compensation(file, document.get("compensation")),
+        relative_speed=_flag(file, document, "relative_speed"),
     )
     return Controller(law, _positive(file, document, "period", PERIOD), str(path))
 
@@ -94,6 +98,10 @@ def save_controller(path: str | os.PathLike[str], controller: Controller) -> Non
         ("filter", float(law.differences.time_constant)),
     ):
         lines.append(f"{key} = {as_value(value)}")
+    lines.append(f"relative_speed = {as_value(law.relative_speed)}")
+    if law.compensation is not None:
+        numbers = {f.name: float(getattr(law.compensation, f.name)) for f in dataclasses.fields(law.compensation)}
+        lines += ["", "[compensation]", *(f"{key} = {as_value(value)}" for key, value in numbers.items())]
     for axis, system in (("cart", law.cart), ("hoist", law.hoist)):
         if not isinstance(system, Mamdani):
             raise TypeError(f"only Mamdani systems are written, not a {type(system).__name__}; use save_fis")
@@ -106,6 +114,29 @@ def _positive(where: Where, table: Mapping[str, Any], key: str, default: float) 
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
         where.refuse(f"{key} = {shown(value)} is not a positive number; write it as {key} = {default}")
     return float(value)
+
+
+def _flag(where: Where, table: Mapping[str, Any], key: str) -> bool:
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        where.refuse(f"{key} = {shown(value)} is neither true nor false")
+    return bool(value)
+
+
+def _read_compensation(file: Where, table: Any) -> Compensation | None:
+    if table is None:
+        return None
+    names = [f.name for f in dataclasses.fields(Compensation)]
+    if not isinstance(table, dict):
+        file.refuse(f"compensation = {shown(table)} is not a table; write [compensation] with {', '.join(names)}")
+    where = file.within("[compensation]")
+    where.check_keys(table, names, "key")
+    for key, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            where.refuse(f"{key} = {shown(value)} is not a number; write it as {key} = 0.0")
+    if "blur" in table:
+        _positive(where, table, "blur", float(Compensation().blur))
+    return Compensation(**{key: as_number(float(value)) for key, value in table.items()})
 
 
 def _read_system(where: Where, table: Mapping[str, Any]) -> Mamdani:

@@ -10,6 +10,7 @@ from ..fuzzy.inference import AbstractSystem
 from ..fuzzy.membership import as_number
 from ..fuzzy.norms import Softness
 from .base import AbstractController, Differences, Reference
+from .compensation import Compensation
 
 
 class FuzzyController(AbstractController):
@@ -17,6 +18,7 @@ class FuzzyController(AbstractController):
 
     The cart's system takes the normalised error, the speed [m/s] and the swing angle [degrees]; the hoist's takes the
     normalised error and the speed. Both give a voltage. Errors are divided by a scale, which the paper does not give.
+    Not the paper's: speeds relative to the reference's, and a compensation of what friction and dead zone take.
     """
 
     cart: AbstractSystem
@@ -28,6 +30,9 @@ class FuzzyController(AbstractController):
     differences: Differences = Differences()
     softness: Softness = None
     """See `fuzzy.inference`; None for the textbook's inference."""
+    compensation: Compensation | None = None
+    relative_speed: bool = eqx.field(static=True, default=False)
+    """Whether the systems are asked with the speed beyond the reference's: a wanted motion is not braked."""
 
     def start(self, measured: Axes) -> tuple[Axes, Axes]:
         return self.differences.start(measured)
@@ -41,7 +46,8 @@ class FuzzyController(AbstractController):
             system.infer(values, softness=self.softness).output[0]
             for system, values in ((self.cart, cart), (self.hoist, hoist))
         )
-        return jnp.stack(list(volts)), state
+        command = jnp.stack(list(volts))
+        return command if self.compensation is None else self.compensation(command), state
 
     def inputs(
         self, measured: Axes, reference: Reference, period: float
@@ -62,5 +68,7 @@ class FuzzyController(AbstractController):
         return jax.lax.scan(ask, self.start(first), (measured, reference))[1]
 
     def _inputs(self, measured: Axes, reference: Reference, speed: Axes) -> tuple[Array, Array]:
+        if self.relative_speed:
+            speed = Axes(speed.x - reference.v_x, speed.psi, speed.l - reference.v_l)
         cart = jnp.stack([(reference.x - measured.x) / self.cart_scale, speed.x, jnp.degrees(measured.psi)])
         return cart, jnp.stack([(reference.l - measured.l) / self.hoist_scale, speed.l])

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 NEAR = 0.01
 """Distance within which a position counts as reached [m]."""
+DWELL = 0.5
+"""Time for which a position must have stayed within that distance, at the end of what was recorded, to count as
+settled [s]: a load that swings on crosses its goal again and again."""
 _REST = 1e-7
 
 
@@ -21,7 +24,7 @@ class Move:
     """When the reference comes to rest [s]."""
     settling_time: dict[str, float | None]
     """Time from the start until the position stays within 1 cm of the goal [s], for `x`, `l` and the `load`'s
-    horizontal position; None if it does not."""
+    horizontal position; None if it does not, or not for the last half second."""
     overshoot: dict[str, float]
     """How far beyond the goal, as a share of the way, for `x` and `l`."""
     steady_error: dict[str, float]
@@ -103,4 +106,6 @@ def _settled(since: NDArray[np.float64], error: NDArray[np.float64]) -> float | 
     outside = np.flatnonzero(np.abs(error) > NEAR)
     if not len(outside):
         return 0.0
-    return float(since[outside[-1] + 1]) if outside[-1] + 1 < len(since) else None
+    # Compared in the middle between samples, so that rounding of the times does not decide.
+    last = since[-1] - DWELL + 0.5 * (since[1] - since[0])
+    return float(since[outside[-1] + 1]) if outside[-1] + 1 < len(since) and since[outside[-1] + 1] < last else None

@@ -70,13 +70,13 @@ def velocity_sets() -> Variable:
     )
 
 
-def angle_sets() -> Variable:
-    """Three sets over the swing angle [degrees]."""
+def angle_sets(inner: float = 5.0, outer: float = 20.0, width: float = 3.0) -> Variable:
+    """Three sets over the swing angle [degrees]: N and P begin to hold at `inner` and hold at `outer`."""
     return _variable(
         "angle",
         45.0,
         "N ZE P",
-        [_trapezoid(-45.0, -45.0, -20.0, -5.0), _bell(3.0, 0.0), _trapezoid(5.0, 20.0, 45.0, 45.0)],
+        [_trapezoid(-45.0, -45.0, -outer, -inner), _bell(width, 0.0), _trapezoid(inner, outer, 45.0, 45.0)],
     )
 
 

@@ -91,10 +91,11 @@ def rule_pictures(tracking: Tracking, controller: Controller) -> tuple[Picture, 
     pictures = []
     for axis, system, found in _asked(tracking, controller):
         most = 0.5 * float(system.inputs[0].high - system.inputs[0].low)
-        reach = float(np.clip(1.2 * np.abs(found[:, 0]).max() / most, 0.02, 1.0))
+        reach = most * float(np.clip(1.2 * np.abs(found[:, 0]).max() / most, 0.02, 1.0))
+        scale = float(getattr(controller.law, f"{axis}_scale"))
         pictures += [
             draw_rules(f"rules-{axis}", f"The {axis}'s rules over time", system, tracking.times, found),
-            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, reach),
+            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, scale * reach, [scale]),
         ]
     return tuple(pictures)
 
@@ -115,8 +116,8 @@ def _asked(tracking: Tracking, controller: Controller) -> list[tuple[str, Abstra
     if not isinstance(law, FuzzyController):
         return []
     measured = Axes(*(jnp.asarray(tracking.measured[axis]) for axis in ("x", "psi", "l")))
-    still = jnp.zeros_like(measured.x)
-    wanted = Reference(jnp.asarray(tracking.reference["x"]), jnp.asarray(tracking.reference["l"]), still, still)
+    columns = [told[axis] for told in (tracking.reference, tracking.reference_speed) for axis in ("x", "l")]
+    wanted = Reference(*map(jnp.asarray, columns))
     asked = law.inputs(measured, wanted, controller.period)
     systems = (("cart", law.cart), ("hoist", law.hoist))
     return [(axis, system, np.asarray(values)) for (axis, system), values in zip(systems, asked, strict=True)]

@@ -31,6 +31,9 @@ SHOWN: Mapping[str, tuple[str, str, float]] = {
     "chatter_x": ("chatter of the cart", "V/s", 1.0),
 }
 """What is told of a controller: name, unit, factor from the summaries' unit."""
+_DRAWN = ("settling_load", "residual_swing", "itae_x")
+_SHOWN_ERROR = 0.2
+"""How far from zero surfaces show the error, as a share of the larger scale."""
 _COURSES = {"train": "tuned on", "held_out": "held out"}
 _EXPLAINED = (
     "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
@@ -101,22 +104,24 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
         ),
         draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
     ]
-    for axis, (old, new) in _systems(before, after).items():
-        pictures.append(draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new))
-        pictures.append(
-            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {"as given": old, "tuned": new}, 0.2)
-        )
+    for axis in ("cart", "hoist"):
+        pictures += changed_pictures(axis, before, after)
     return tuple(pictures)
 
 
-_DRAWN = ("settling_load", "residual_swing", "itae_x")
-
-
-def _systems(before: AbstractController, after: AbstractController) -> dict[str, tuple[Mamdani, Mamdani]]:
+def changed_pictures(axis: str, before: AbstractController, after: AbstractController, of: str = "") -> list[Picture]:
+    """Sets and surfaces of one axis (`cart`, `hoist`), as given and tuned; none if its system is not Mamdani's."""
     if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
-        return {}
-    pairs = {axis: (getattr(before, axis), getattr(after, axis)) for axis in ("cart", "hoist")}
-    return {axis: pair for axis, pair in pairs.items() if all(isinstance(system, Mamdani) for system in pair)}
+        return []
+    old, new = getattr(before, axis), getattr(after, axis)
+    if not isinstance(old, Mamdani) or not isinstance(new, Mamdani):
+        return []
+    scales = float(getattr(before, f"{axis}_scale")), float(getattr(after, f"{axis}_scale"))
+    pair = {"as given": old, "tuned": new}
+    return [
+        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}{of}", old, new, scales),
+        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say{of}", pair, _SHOWN_ERROR * max(scales), scales),
+    ]
 
 
 def _rows(tuning: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

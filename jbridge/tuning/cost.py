@@ -30,20 +30,15 @@ class Cost:
 
     def __init__(self, course: Course, knobs: AbstractKnobs, goal: Goal):
         self.course = course
-        lanes = [
-            (row, jax.tree.map(lambda leaf: leaf[move], course.moves))
-            for move in range(len(course.legs))
-            for row in course.rows
-        ]
-        self.count = len(lanes)
+        rows = np.repeat(course.rows, len(course.legs), axis=0)
+        moves = jax.tree.map(lambda leaf: np.asarray(leaf).reshape(len(rows), *leaf.shape[2:]), course.moves)
+        self.count = len(rows)
         """Rollouts of one evaluation."""
         size = min(_ABREAST, -(-self.count // _threads()))
-        rows = [np.stack([row for row, _ in lanes[at : at + size]]) for at in range(0, self.count, size)]
-        moves = [
-            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[move for _, move in lanes[at : at + size]])
-            for at in range(0, self.count, size)
+        cuts = [slice(at, at + size) for at in range(0, self.count, size)]
+        self._blocks = [
+            (jnp.asarray(rows[cut]), jax.tree.map(lambda leaf, cut=cut: jnp.asarray(leaf[cut]), moves)) for cut in cuts
         ]
-        self._blocks = list(zip(rows, moves, strict=True))
 
         self._knobs = knobs
         self._compiled: set[int] = set()
@@ -76,7 +71,7 @@ class Cost:
         return np.concatenate(values), np.concatenate(slopes)
 
     def _each(self, program: Any, *given: Any) -> list[Any]:
-        def one(block: tuple[NDArray[np.float64], Moves]) -> Any:
+        def one(block: tuple[Array, Moves]) -> Any:
             return jax.block_until_ready(program(*given, *block))
 
         begun = 0 if id(program) in self._compiled else 1
@@ -99,7 +94,7 @@ def measure(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.
         return course.run(law, row, move, collect=summary)
 
     over_moves = jax.vmap(one, in_axes=(None, None, 0))
-    program = jax.jit(jax.vmap(over_moves, in_axes=(None, 0, None)))
+    program = jax.jit(jax.vmap(over_moves, in_axes=(None, 0, 0)))
     found = program(law, jnp.asarray(course.rows), course.moves)
     return {name: np.asarray(found[name]) for name in UNITS}
 

@@ -22,6 +22,7 @@ from ..model.plant import Plant
 from ..signals import Path, along, durations
 from .objectives import Leg
 
+_along = jax.jit(along)
 _STEP = 0.005
 """Longest integration step [s]; with a hidden coordinate half of it."""
 _FRICTION = (CoulombFriction.kind, PositionDependentFriction.kind, PositionDirectionFriction.kind)
@@ -52,7 +53,13 @@ class Legs:
     """Length of every move, the rest at its end included [s]."""
 
     def __len__(self) -> int:
-        return len(self.start)
+        """Moves of a bridge."""
+        return self.start.shape[-2]
+
+    def of(self, bridges: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Start and goal of every bridge's moves [m], each `(bridge, move, 2)`."""
+        shape = (bridges, len(self), 2)
+        return np.broadcast_to(self.start, shape), np.broadcast_to(self.goal, shape)
 
 
 def paper_legs(seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -> Legs:
@@ -61,8 +68,27 @@ def paper_legs(seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -
     return Legs(points[:-1], points[1:], speed, seconds)
 
 
-def random_legs(count: int, seed: int, *, seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -> Legs:
-    """Moves between random places of a rail of 1.2 m and rope lengths of 0.185 to 0.7 m, at least 0.3 m apart."""
+def random_legs(
+    count: int,
+    seed: int,
+    *,
+    bridges: int | None = None,
+    seconds: float = 10.0,
+    speed: tuple[float, float] = (0.3, 0.2),
+) -> Legs:
+    """Moves between random places of a rail of 1.2 m and rope lengths of 0.185 to 0.7 m, at least 0.3 m apart.
+
+    Args:
+        count: moves of a bridge.
+        seed: of the draw.
+        bridges: how many bridges get moves of their own; None for moves that all of them make.
+        seconds: length of every move [s].
+        speed: largest speeds of the reference's cart and rope [m/s].
+    """
+    if bridges is not None:
+        every = random_legs(count * bridges, seed, seconds=seconds, speed=speed)
+        shape = (bridges, count, 2)
+        return Legs(every.start.reshape(shape), every.goal.reshape(shape), speed, seconds)
     rng = np.random.default_rng(seed)
     starts: list[NDArray[np.float64]] = []
     goals: list[NDArray[np.float64]] = []
@@ -72,6 +98,20 @@ def random_legs(count: int, seed: int, *, seconds: float = 10.0, speed: tuple[fl
             starts.append(a)
             goals.append(b)
     return Legs(np.array(starts), np.array(goals), speed, seconds)
+
+
+def mixed_legs(bridges: int, seed: int) -> Legs:
+    """Two moves for every bridge: one of the paper's in turn, and a random one of its own.
+
+    With moves that all bridges share, a search fits the controller to their places on the rail.
+    """
+    own, paper = random_legs(1, seed, bridges=bridges), paper_legs()
+    turn = np.arange(bridges) % len(paper)
+    start, goal = (
+        np.stack([common[turn], mine[:, 0]], axis=1)
+        for common, mine in ((paper.start, own.start), (paper.goal, own.goal))
+    )
+    return Legs(start, goal, paper.speed, paper.seconds)
 
 
 def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter()) -> NDArray[np.float64]:
@@ -118,9 +158,9 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
 
 
 class Moves(NamedTuple):
-    """Moves as one program takes them, with a leading axis of moves."""
+    """Moves as one program takes them, with leading axes of bridges and of their moves."""
 
-    initial: Float[Array, "move 2"]
+    initial: Float[Array, "*move 2"]
     reference: Reference
     leg: Leg
 
@@ -140,7 +180,7 @@ class Course:
         Args:
             plant: structure of all bridges.
             rows: their parameters, `(bridge, parameter)`.
-            legs: what every bridge is moved through.
+            legs: what the bridges are moved through.
             period: of the controller's sampling [s].
             prepare: what is done to the reference before a controller sees it (`control.shaping.shaped`).
         """
@@ -156,23 +196,25 @@ class Course:
         self.moves = self._moves()
 
     def _moves(self) -> Moves:
-        references, arrivals = [], []
-        for number in range(len(self.legs)):
-            path = self.path(number)
-            references.append(Reference(*(jnp.asarray(values) for values in path[1:])))
-            points = jnp.asarray(np.stack([self.legs.start[number], self.legs.goal[number]]))
-            arrivals.append(durations(points, jnp.asarray(self.legs.speed))[0])
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *references)
-        start, goal = jnp.asarray(self.legs.start), jnp.asarray(self.legs.goal)
-        return Moves(start, stacked, Leg(start, goal, jnp.stack(arrivals)))
+        start, goal = (jnp.asarray(ends) for ends in self.legs.of(len(self.rows)))
+        speed = jnp.asarray(self.legs.speed)
+        arrivals = jax.vmap(jax.vmap(lambda a, b: durations(jnp.stack([a, b]), speed)[0]))(start, goal)
+        paths = [[self.path(move, bridge) for move in range(len(self.legs))] for bridge in range(len(self.rows))]
+        columns = {
+            name: jnp.asarray(np.array([[getattr(path, name) for path in row] for row in paths]))
+            for name in ("x", "l", "v_x", "v_l")
+        }
+        return Moves(start, Reference(**columns), Leg(start, goal, arrivals))
 
-    def path(self, number: int) -> Path:
-        """The reference of one move, as the controller is given it."""
+    def path(self, number: int, bridge: int = 0) -> Path:
+        """The reference of one move of a bridge, as the controller is given it."""
         times = self.period * np.arange(self.count, dtype=float)
-        points = jnp.asarray(np.stack([self.legs.start[number], self.legs.goal[number]]))
-        place, rate = along(points, jnp.asarray(self.legs.speed), jnp.asarray(0.0), jnp.asarray(times))
-        columns = (place[:, 0], place[:, 1], rate[:, 0], rate[:, 1])
-        path = Path(times, *(np.asarray(values) for values in columns))
+        start, goal = (ends[bridge, number] for ends in self.legs.of(len(self.rows)))
+        place, rate = _along(
+            jnp.asarray(np.stack([start, goal])), jnp.asarray(self.legs.speed), jnp.asarray(0.0), jnp.asarray(times)
+        )
+        place, rate = np.asarray(place), np.asarray(rate)
+        path = Path(times, place[:, 0], place[:, 1], rate[:, 0], rate[:, 1])
         if self._prepare is None:
             return path
         return Path(*(values[: self.count] for values in self._prepare(path)))
@@ -186,7 +228,7 @@ class Course:
         collect: AbstractCollector = Everything(),
         keep: bool = True,
     ) -> Any:
-        """One bridge under a controller through one move (without the leading axis); see `loop.closed_loop`."""
+        """One bridge under a controller through one move (without leading axes); see `loop.closed_loop`."""
         initial = jnp.zeros(self._states, row.dtype).at[0].set(move.initial[0]).at[2].set(move.initial[1])
         return closed_loop(
             self.table.unravel(row),

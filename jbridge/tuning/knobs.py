@@ -23,12 +23,16 @@ from ..fuzzy.inference import Mamdani
 from ..fuzzy.membership import Gaussian, Trapezoidal, Triangular
 from ..fuzzy.rules import Variable
 
+_COARSE = 1.0
+"""Spread of what is guessed by orders of magnitude."""
 _SAME = 1e-9
 """Share of a universe within which two corners coincide."""
 _GAP = 2.0
 """Largest change of a gap or a scale, as a logarithm: a factor of 7 either way."""
 _LEAST_WEIGHT = -4.0
 """Smallest logarithm of a rule's weight."""
+_MOST_GIVEN_BACK = 0.3
+"""Largest change of a compensation upwards, as a logarithm: beyond what is lost, it pushes by itself."""
 _CORNERS = {Triangular: ("left", "peak", "right"), Trapezoidal: ("left", "top_left", "top_right", "right")}
 
 
@@ -41,6 +45,11 @@ class Knob:
     high: float
     spread: float = 0.3
     """Standard deviation of random starts."""
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether it is guessed by orders of magnitude, not by percent."""
+        return self.spread >= _COARSE
 
 
 class AbstractKnobs(abc.ABC):
@@ -63,8 +72,7 @@ class PositiveKnobs(AbstractKnobs):
     def __init__(self, law: AbstractController, names: tuple[str, ...]):
         self._law = law
         self._names = tuple(name for name in names if float(getattr(law, name)) != 0.0)
-        # Gains are guessed by orders of magnitude, not by percent.
-        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP, 1.0) for name in self._names)
+        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP, _COARSE) for name in self._names)
 
     def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
         values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, coordinates, strict=True)]
@@ -72,7 +80,7 @@ class PositiveKnobs(AbstractKnobs):
 
 
 class FuzzyKnobs(AbstractKnobs):
-    """Corners, widths and weights of both Mamdani systems, and the scales of the errors."""
+    """Corners, widths and weights of both Mamdani systems, the scales of the errors, and a compensation."""
 
     def __init__(self, law: FuzzyController, *, weights: bool = True, sets: bool = True):
         """
@@ -95,8 +103,10 @@ class FuzzyKnobs(AbstractKnobs):
                     self._variables.append((axis, role, place, found, at))
                     knobs += [Knob(f"{axis}.{variable.name}.{name}", -_GAP, _GAP) for name in found.names]
         self._scales = len(knobs)
-        # What counts as a large error is guessed by orders of magnitude.
-        knobs += [Knob(f"{axis}.scale", -_GAP, _GAP, 1.0) for axis in ("cart", "hoist")]
+        knobs += [Knob(f"{axis}.scale", -_GAP, _GAP, _COARSE) for axis in ("cart", "hoist")]
+        self._shares = len(knobs) if law.compensation is not None else None
+        if law.compensation is not None:
+            knobs += [Knob(f"{axis}.compensation", -_GAP, _MOST_GIVEN_BACK) for axis in ("cart", "hoist")]
         self._weights = len(knobs) if weights else None
         if weights:
             for axis in ("cart", "hoist"):
@@ -117,6 +127,13 @@ class FuzzyKnobs(AbstractKnobs):
             law,
             (law.cart_scale * scale[0], law.hoist_scale * scale[1]),
         )
+        if self._shares is not None:
+            share = jnp.exp(coordinates[self._shares : self._shares + 2])
+            law = eqx.tree_at(
+                lambda law: [law.compensation.cart, law.compensation.hoist],
+                law,
+                [law.compensation.cart * share[0], law.compensation.hoist * share[1]],
+            )
         if self._weights is not None:
             begin = self._weights
             for axis in ("cart", "hoist"):

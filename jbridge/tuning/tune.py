@@ -14,7 +14,7 @@ from ..control.files import Controller
 from ..errors import InputError
 from ..model.files import Model, requires
 from .cost import Cost, measure
-from .ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
+from .ensemble import Course, Legs, Scatter, mixed_legs, random_legs, scattered
 from .knobs import AbstractKnobs, knobs_of
 from .objectives import Goal, usual_goal
 
@@ -79,12 +79,12 @@ def tune(
         model: in the middle of the ensemble, with all three axes.
         controller: what is tuned: a fuzzy controller's sets, scales and rule weights, or another law's gains.
         goal: what is to be small; `objectives.usual_goal` by default.
-        legs: moves to learn from; the paper's two by default.
+        legs: moves to learn from; by default two for every bridge, one of the paper's and one of its own.
         plants: bridges to learn from, the model itself among them.
         held_out: further bridges, on which random other moves are made; they choose nothing.
         steps: gradient steps.
-        starts: number of starts, the given controller first, then the best of some random ones about it; after a fifth
-            of the steps only the best goes on.
+        starts: number of starts, the given controller first, then the best of some random ones about it, every second
+            start with random scales or gains alone; after a fifth of the steps only the best goes on.
         scatter: how far bridges lie from the model.
         seed: of bridges, moves and starts.
         progress: told what goes on, a short text at a time.
@@ -98,14 +98,14 @@ def tune(
     requires(model, ("x", "psi", "l"))
     if min(plants, held_out, steps, starts) < 1:
         raise InputError("plants, held_out, steps and starts must be at least 1")
-    legs = paper_legs() if legs is None else legs
+    legs = mixed_legs(plants, seed) if legs is None else legs
     knobs = knobs_of(controller.law)
     period = controller.period
     course = Course(model.plant, scattered(model.plant, plants, seed, scatter), legs, period)
     others = Course(
         model.plant,
         scattered(model.plant, held_out + 1, seed + 1, scatter)[1:],
-        random_legs(_HELD_OUT_MOVES, seed + 1, seconds=legs.seconds, speed=legs.speed),
+        random_legs(_HELD_OUT_MOVES, seed + 1, bridges=held_out, seconds=legs.seconds, speed=legs.speed),
         period,
     )
     cost = Cost(course, knobs, goal or usual_goal())
@@ -190,9 +190,12 @@ def _descend(
     judge(np.zeros(len(low)))
     begins = [np.zeros(len(low))]
     spread = np.array([knob.spread for knob in knobs.knobs])
+    coarse = np.array([knob.is_coarse for knob in knobs.knobs])
     for number in range(starts - 1):
         tell(f"drawing start {number + 2} of {starts}")
-        draws = [np.clip(spread * rng.standard_normal(len(low)), low, high) for _ in range(_DRAWS)]
+        # What is guessed by orders of magnitude first by itself: among many numbers a good one is rarely drawn.
+        moved = spread * coarse if number % 2 == 0 and coarse.any() else spread
+        draws = [np.clip(moved * rng.standard_normal(len(low)), low, high) for _ in range(_DRAWS)]
         begins.append(min(draws, key=judge))
     runs = []
     for number, begin in enumerate(begins):

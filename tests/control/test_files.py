@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from jbridge import InputError
+from jbridge.control.compensation import Compensation
+from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.paper import cart_system, hoist_system, paper_controller
 from jbridge.control.references import load_reference, paper_path
@@ -21,6 +23,31 @@ def written(tmp_path):
 def test_a_controller_comes_back_as_it_was(written):
     found = load_controller(written)
     assert eqx.tree_equal(found.law, paper_controller()) and found.period == 0.02
+
+
+def test_a_compensation_and_relative_speeds_come_back_too(tmp_path):
+    law = extended_controller(Compensation(cart=0.3, hoist=1.0, hoist_bias=-0.5))
+    save_controller(tmp_path / "extended.toml", Controller(law, 0.02))
+    assert eqx.tree_equal(load_controller(tmp_path / "extended.toml").law, law)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (("relative_speed = true", "relative_speed = 1"), "relative_speed = 1 is neither true nor false"),
+        (("blur = 0.05", "blur = 0.0"), r"\[compensation\]: blur = 0.0 is not a positive number"),
+        (("cart = 0.3", "cart = true"), r"\[compensation\]: cart = true is not a number"),
+        (("hoist_bias", "bias"), "unknown key 'bias'"),
+    ],
+)
+def test_what_is_wrong_with_a_compensation_is_said(tmp_path, change, complaint):
+    path = tmp_path / "extended.toml"
+    save_controller(path, Controller(extended_controller(Compensation(cart=0.3)), 0.02))
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change, 1))
+    with pytest.raises(InputError, match=complaint):
+        load_controller(path)
 
 
 def test_fuzzy_systems_may_lie_in_files_of_their_own(tmp_path):

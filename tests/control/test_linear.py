@@ -1,13 +1,15 @@
 """Linear laws by hand, and input shaping against an integrator of SciPy's."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge import Axes, Path, Reference
+from jbridge.control.compensation import Compensation
 from jbridge.control.extended import extended_controller
-from jbridge.control.linear import Compensation, Pid, StateFeedback
+from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import paper_controller
 from jbridge.control.shaping import shaped
 from jbridge.fuzzy.check import outdone_rules
@@ -76,3 +78,19 @@ def test_in_the_extended_rules_every_rule_can_matter():
     fast = np.asarray(cart.infer(jnp.asarray([0.0, 0.3, 0.0])).output)[0]
     # The cart follows the load, and brakes.
     assert abs(rest) < 1e-9 and swung > 0.1 and fast < -0.1
+
+
+def test_the_extended_rules_are_asked_with_the_speed_beyond_the_references():
+    """At the reference's place and speed nothing is wanted but what holds the load; standing there, it is late."""
+    give = Compensation(cart=0.3, hoist=1.0, hoist_bias=-0.5)
+    law = extended_controller(give)
+    there = Axes(jnp.asarray(0.5), jnp.asarray(0.0), jnp.asarray(0.45))
+    moving = Axes(jnp.asarray(0.1), jnp.asarray(0.0), jnp.asarray(0.0))
+    before = Axes(there.x - 0.02 * 0.1, there.psi, there.l)
+    state = (before, moving)
+    command, _ = law.command(state, there, WANTED, 0.02)
+    np.testing.assert_allclose(command, [0.0, -0.5], atol=1e-9)
+    late, _ = law.command(law.start(there), there, WANTED, 0.02)
+    assert float(late[0]) > 0.3
+    asked, _ = law.inputs(*(jax.tree.map(lambda leaf: leaf[None], tree) for tree in (there, WANTED)), 0.02)
+    np.testing.assert_allclose(asked[0], [0.0, -0.1, 0.0], atol=1e-12)

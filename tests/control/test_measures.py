@@ -43,3 +43,10 @@ def test_itae_is_of_the_error_to_the_reference():
     """At 0.9 all the time while the reference goes from 0 to 1 within 2 s: by hand 0.486 + 0.0193 + 4.3125."""
     first, _ = run(lambda wanted: np.where(T < 10.0, 0.9, 0.0))
     assert first.itae["x"] == pytest.approx(4.818, rel=0.01)
+
+
+@pytest.mark.parametrize(("late", "settles"), [(0.4, False), (0.6, True)])
+def test_settled_means_for_half_a_second_at_least(late, settles):
+    """A load that swings on crosses its goal, too."""
+    first, _ = run(lambda wanted: wanted + 0.02 * ((T > 9.5) & (T < 10.0 - late)) * (T < 10.0))
+    assert (first.settling_time["x"] is not None) == settles

@@ -2,17 +2,23 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jbridge.control.compensation import Compensation
 from jbridge.control.extended import extended_controller
 from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import paper_controller
 from jbridge.fuzzy.membership import Gaussian, Trapezoidal, Triangular
 from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
 
-LAWS = {"paper": paper_controller, "extended": extended_controller}
+LAWS = {
+    "paper": paper_controller,
+    "extended": extended_controller,
+    "compensated": lambda: extended_controller(Compensation(cart=0.3, hoist=1.0, hoist_bias=-0.5)),
+}
 
 
 def variables(law):
@@ -31,6 +37,8 @@ def test_at_zero_the_controller_is_as_given(name):
             for field in dataclasses.fields(a):
                 np.testing.assert_allclose(getattr(a, field.name), getattr(b, field.name), rtol=1e-12, atol=1e-12)
     assert float(same.cart_scale) == float(law.cart_scale)
+    if law.compensation is not None:
+        np.testing.assert_allclose(jax.tree.leaves(same.compensation), jax.tree.leaves(law.compensation), rtol=1e-12)
     assert [float(r.weight) for r in same.cart.rules] == [float(r.weight) for r in law.cart.rules]
 
 
@@ -83,3 +91,12 @@ def test_gains_are_multiplied_and_zeros_left_alone():
 def test_a_law_without_numbers_is_refused():
     with pytest.raises(TypeError, match="nothing to tune"):
         knobs_of(StateFeedback(jnp.zeros((2, 6))))
+
+
+def test_a_compensation_is_tuned_and_what_holds_the_load_left_alone():
+    law = LAWS["compensated"]()
+    knobs = FuzzyKnobs(law)
+    z = np.zeros(len(knobs.knobs))
+    z[[knob.name for knob in knobs.knobs].index("hoist.compensation")] = -np.log(2.0)
+    found = knobs.set(jnp.asarray(z)).compensation
+    assert [float(v) for v in (found.cart, found.hoist, found.hoist_bias)] == pytest.approx([0.3, 0.5, -0.5])

@@ -10,16 +10,18 @@ from scipy.linalg import expm
 
 from jbridge import Axes, InputError
 from jbridge.control.base import Reference
+from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller
-from jbridge.control.linear import Compensation, Pid
+from jbridge.control.linear import Pid
 from jbridge.control.measures import moves
 from jbridge.control.paper import paper_controller
 from jbridge.loop import Response
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
+from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
-from jbridge.tuning.ensemble import Course, Legs, Scatter, paper_legs, random_legs, scattered
+from jbridge.tuning.ensemble import Course, Legs, Scatter, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
 from jbridge.tuning.linearise import linear_model
 from jbridge.tuning.objectives import (
@@ -100,6 +102,28 @@ def test_moves_are_the_papers_or_random():
     np.testing.assert_array_equal(legs.start, random_legs(20, 4).start)
 
 
+def test_every_bridge_may_have_moves_of_its_own():
+    legs = mixed_legs(5, 4)
+    assert len(legs) == 2 and legs.start.shape == (5, 2, 2)
+    np.testing.assert_array_equal(legs.goal[:, 0], paper_legs().goal[[0, 1, 0, 1, 0]])
+    assert len(np.unique(legs.start[:, 1], axis=0)) == 5
+    own = random_legs(3, 4, bridges=2)
+    np.testing.assert_array_equal(own.goal.reshape(6, 2), random_legs(6, 4).goal)
+    # What a bridge does on its own move is what it does there with nobody beside it.
+    course = Course(PLANT, scattered(PLANT, 2, 0), dataclasses.replace(own, seconds=1.0), 0.02)
+    alone = Legs(own.start[1, 2:], own.goal[1, 2:], own.speed, 1.0)
+    single = Course(PLANT, course.rows[1:], alone, 0.02)
+    found, wanted = measure(course, PID), measure(single, PID)
+    assert found["itae_x"].shape == (2, 3)
+    assert found["itae_x"][1, 2] == pytest.approx(wanted["itae_x"][0, 0], rel=1e-9)
+    assert course.path(2, 1).x[0] == own.start[1, 2, 0]
+    cost, one = (Cost(c, knobs_of(PID), Goal((Effort(),), (1.0,))) for c in (course, single))
+    assert cost.count == 6
+    efforts = found["effort_x"] + found["effort_l"]
+    assert cost.hard(np.zeros(6)) == pytest.approx(efforts.mean(), rel=1e-9)
+    assert one.hard(np.zeros(6)) == pytest.approx(efforts[1, 2], rel=1e-9)
+
+
 @pytest.fixture(scope="module")
 def pid_cost():
     course = Course(PLANT, scattered(PLANT, 3, 0), SHORT, 0.02)
@@ -149,11 +173,9 @@ def test_measures_agree_with_those_of_one_run():
     course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
     found = measure(course, PID)
     path = course.path(0)
-    move = {name: leaf[0] for name, leaf in {"initial": course.moves.initial}.items()}
-    one = course.run(PID, jnp.asarray(course.rows[1]), jax.tree.map(lambda leaf: leaf[0], course.moves))
+    one = course.run(PID, jnp.asarray(course.rows[1]), jax.tree.map(lambda leaf: leaf[1, 0], course.moves))
     position = np.stack([np.asarray(a) for a in one.q.axes], axis=1)
     (told,) = moves(path.times, np.stack([path.x, path.l], 1), position, np.asarray(one.command))
-    assert move["initial"].shape == (2,)
     assert found["itae_x"][1, 0] == pytest.approx(told.itae["x"], rel=0.02)
     assert found["residual_swing"][1, 0] == pytest.approx(told.residual_swing, rel=1e-9)
     settled = found["settling_load"][1, 0]
@@ -203,3 +225,17 @@ def test_a_gradient_that_explodes_does_not_count_for_the_others():
     slopes[3], slopes[4], slopes[5] = 1e20, np.nan, -2.0
     np.testing.assert_allclose(common_slope(slopes), (7 * 1.0 + 3.0 - 2.0) / 10, rtol=1e-12)
     np.testing.assert_array_equal(common_slope(np.full((3, 2), np.inf)), 0.0)
+
+
+def test_a_models_own_losses_are_compensated():
+    """By hand: friction over gain, half of both dead zones, and the load's weight."""
+    plant = make_plant(
+        DRY,
+        ("position_direction_friction", "cart", {"knots": [0.0, 1.2], "positive": [1.0, 3.0], "negative": [2.0, 4.0]}),
+        ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.4}),
+        ("stribeck_friction", "hoist", {"level": 1.0, "breakaway": 2.0, "velocity": 0.01}),
+    )
+    found, n = compensation_for(plant, 0.5), NUMBERS
+    np.testing.assert_allclose(found.cart, 0.5 * (0.3 + (3.0 + 2.5) / n["cart_gain"]), rtol=1e-9)
+    np.testing.assert_allclose(found.hoist, 0.5 * 2.0 / n["hoist_gain"], rtol=1e-9)
+    np.testing.assert_allclose(found.hoist_bias, -n["load_mass"] * n["gravity"] / n["hoist_gain"], rtol=1e-12)

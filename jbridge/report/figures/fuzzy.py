@@ -19,7 +19,9 @@ _COLOURS = ("#0a6ebd", "#00805c", "#8a4f9e", "#dd6a00", "#3c3c3c")
 _POINTS = 61
 
 
-def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | None = None, faint: bool = False) -> None:
+def draw_variable(
+    panel: Axes, variable: Variable, label: str, limit: float | None = None, faint: bool = False, scale: float = 1.0
+) -> None:
     """The sets of a variable.
 
     Args:
@@ -28,11 +30,13 @@ def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | No
         label: of the axis.
         limit: shows what lies within this distance of zero; the whole universe by default.
         faint: draws thin dashed lines without names, for comparison.
+        scale: what 1 in the variable is on the axis; `limit` is on the axis.
     """
-    low, high = (float(variable.low), float(variable.high)) if limit is None else (-limit, limit)
+    low, high = (scale * float(variable.low), scale * float(variable.high)) if limit is None else (-limit, limit)
     values = np.linspace(low, high, 1201)
+    found = variable.degrees(jnp.asarray(values / scale))
     named: list[tuple[float, str, str]] = []
-    for colour, said, degrees in zip(_COLOURS, variable.labels, variable.degrees(jnp.asarray(values)), strict=False):
+    for colour, said, degrees in zip(_COLOURS, variable.labels, found, strict=False):
         curve = np.asarray(degrees)
         if faint:
             panel.plot(values, curve, color=colour, linewidth=1.0, linestyle=(0, (4, 3)), alpha=0.6)
@@ -55,24 +59,31 @@ def draw_variable(panel: Axes, variable: Variable, label: str, limit: float | No
     panel.set_ylabel("degree")
 
 
-def draw_changed_sets(name: str, title: str, before: Mamdani, after: Mamdani) -> Picture:
-    """The sets of two systems of the same structure, the former dashed."""
+def draw_changed_sets(
+    name: str, title: str, before: Mamdani, after: Mamdani, scales: tuple[float, float] | None = None
+) -> Picture:
+    """The sets of two systems of the same structure, the former dashed.
+
+    Args:
+        name: of the picture's file.
+        title: stands above it.
+        before, after: the systems.
+        scales: what an error of 1 is in each of them [m], to draw errors in metres.
+    """
     pairs = list(zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True))
 
     def draw(figure: FigureBase) -> None:
         panels = np.atleast_1d(figure.subplots(len(pairs), 1))
-        for panel, (old, new) in zip(panels, pairs, strict=True):
-            limit = _close(old, new)
-            draw_variable(panel, old, "", limit, faint=True)
-            draw_variable(panel, new, f"{new.name} [{UNITS.get(new.name, '1')}]", limit)
+        for number, (panel, (old, new)) in enumerate(zip(panels, pairs, strict=True)):
+            in_metres = scales is not None and number == 0
+            own = scales if scales is not None and in_metres else (1.0, 1.0)
+            unit = "m" if in_metres else UNITS.get(new.name, "1")
+            limits = [scale * (_close(v) or float(v.high)) for v, scale in zip((old, new), own, strict=True)]
+            limit = max(limits) if in_metres else _close(old, new)
+            draw_variable(panel, old, "", limit, faint=True, scale=own[0])
+            draw_variable(panel, new, f"{new.name} [{unit}]", limit, scale=own[1])
 
-    return picture(
-        name,
-        title,
-        1.6 * len(pairs),
-        draw,
-        "Dashed: as given. Solid: tuned. An error of 1 is that of each controller's own scale.",
-    )
+    return picture(name, title, 1.6 * len(pairs), draw, "Dashed: as given. Solid: tuned.")
 
 
 def _close(*variables: Variable) -> float | None:
@@ -108,40 +119,40 @@ def surface(
     return first, second, np.asarray(found)
 
 
-def draw_surfaces(name: str, title: str, systems: Mapping[str, AbstractSystem], reach: float = 1.0) -> Picture:
+def draw_surfaces(
+    name: str, title: str, systems: Mapping[str, AbstractSystem], reach: float, scales: Sequence[float]
+) -> Picture:
     """The voltage over the error and each further input, one row a system.
 
     Args:
         name: of the picture's file.
         title: stands above it.
         systems: by what they are called, all with the same inputs.
-        reach: how much of the error's universe to show.
+        reach: how far from zero the error is shown [m].
+        scales: what an error of 1 is in each of them [m]; beyond it, it counts as 1.
     """
     first = next(iter(systems.values()))
     others = range(1, len(first.inputs))
 
     def draw(figure: FigureBase) -> None:
         grid = figure.subplots(len(systems), len(others), squeeze=False)
-        for row, (said, system) in zip(grid, systems.items(), strict=True):
+        for row, (said, system), scale in zip(grid, systems.items(), scales, strict=True):
             most = float(system.outputs[0].high) if isinstance(system, Mamdani) else 1.0
             for panel, number in zip(row, others, strict=True):
                 x, y = system.inputs[0], system.inputs[number]
                 half = 0.5 * float(y.high - y.low)
-                a, b, found = surface(system, 0, number, (reach * 0.5 * float(x.high - x.low), half))
-                drawn = panel.contourf(a, b, found, levels=np.linspace(-most, most, 25), cmap="RdBu_r", extend="both")
-                panel.contour(a, b, found, levels=[0.0], colors=[RECORDED], linewidths=0.8)
-                panel.set_xlabel(f"{x.name} [{UNITS.get(x.name, '1')}]")
+                a, b, found = surface(system, 0, number, (reach / scale, half))
+                drawn = panel.contourf(
+                    scale * a, b, found, levels=np.linspace(-most, most, 25), cmap="RdBu_r", extend="both"
+                )
+                panel.contour(scale * a, b, found, levels=[0.0], colors=[RECORDED], linewidths=0.8)
+                panel.set_xlabel(f"{x.name} [m]")
                 panel.set_ylabel(f"{y.name} [{UNITS.get(y.name, '1')}]")
                 panel.set_title(said, fontsize=10)
                 figure.colorbar(drawn, ax=panel, label="voltage [V]", ticks=[-most, 0, most])
 
-    return picture(
-        name,
-        title,
-        2.7 * len(systems),
-        draw,
-        "Black line: zero volts. Other inputs in their middle. An error of 1 is that of the controller's own scale.",
-    )
+    said = "Black line: zero volts. Other inputs in their middle."
+    return picture(name, title, 2.7 * len(systems), draw, said)
 
 
 def silent_share(system: AbstractSystem, values: NDArray[np.float64]) -> float:

@@ -17,11 +17,15 @@ _ROWS = (
     ("psi", "swing angle\npsi [deg]", 57.29577951308232),
 )
 
+_VOLTS = (("u_x", "cart drive\nu_x [V]", 1.0), ("u_l", "hoist drive\nu_l [V]", 1.0))
+
 Run = Mapping[str, NDArray[np.float64]]
 """Columns `t` [s], `x` [m], `psi` [rad], `l` [m], `u_x`, `u_l` [V]."""
 
 
-def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run], explanation: str = "") -> Picture:
+def draw_positions(
+    name: str, title: str, reference: Run, runs: Mapping[str, Run], explanation: str = "", *, volts: bool = False
+) -> Picture:
     """Positions over time.
 
     Args:
@@ -30,11 +34,13 @@ def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run
         reference: columns `t`, `x`, `l`.
         runs: by what they are called.
         explanation: stands below the title.
+        volts: whether voltages are shown as well.
     """
+    rows = _ROWS + _VOLTS if volts else _ROWS
 
     def draw(figure: FigureBase) -> None:
-        panels = figure.subplots(len(_ROWS), 1, sharex=True)
-        for panel, (axis, label, factor) in zip(panels, _ROWS, strict=True):
+        panels = figure.subplots(len(rows), 1, sharex=True)
+        for panel, (axis, label, factor) in zip(panels, rows, strict=True):
             if axis in reference:
                 panel.plot(
                     reference["t"],
@@ -52,7 +58,7 @@ def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=len(names))
 
-    return picture(name, title, 6.6, draw, explanation)
+    return picture(name, title, 2.2 * len(rows), draw, explanation)
 
 
 def draw_commands(name: str, title: str, runs: Mapping[str, Run], explanation: str = "") -> Picture:

@@ -1,0 +1,44 @@
+"""What a model's friction and dead zones take from its drives, for a controller to give back."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..control.compensation import Compensation
+from ..fuzzy.membership import as_number
+from ..model.effects.base import CART, CART_DRIVE, HOIST, HOIST_DRIVE, AbstractFriction
+from ..model.effects.drives import DeadZone
+from ..model.plant import Plant
+
+SHARE = 0.8
+"""Compensating a friction in full that is smaller elsewhere would push by itself."""
+_PLACES = {CART: np.linspace(0.0, 1.2, 25), HOIST: np.linspace(0.185, 0.7, 25)}
+"""Where friction is averaged over [m]: the paper's rail, and its rope lengths."""
+
+
+def compensation_for(plant: Plant, share: float = SHARE) -> Compensation:
+    """The voltages that dead zones and dry friction take on the average, and what holds the load.
+
+    Args:
+        plant: whose drives.
+        share: of what is lost that is given back [1].
+    """
+    bridge = plant.bridge
+    lost = {}
+    for axis, site, drive, gain in (
+        ("cart", CART, CART_DRIVE, bridge.cart_gain),
+        ("hoist", HOIST, HOIST_DRIVE, bridge.hoist_gain),
+    ):
+        zones = [e for e in plant.effects if isinstance(e, DeadZone) and e.site == drive]
+        dead = sum(0.5 * float(zone.positive + zone.negative) for zone in zones)
+        lost[axis] = share * (dead + _dry_friction(plant, site) / float(gain))
+    bias = -float(bridge.load_mass * bridge.gravity / bridge.hoist_gain)
+    return Compensation(as_number(lost["cart"]), as_number(lost["hoist"]), as_number(bias))
+
+
+def _dry_friction(plant: Plant, site: str) -> float:
+    """What it takes to begin sliding, on the average over places and directions [N]."""
+    laws = [effect for effect in plant.effects if isinstance(effect, AbstractFriction) and effect.site == site]
+    still, places = jnp.zeros(()), jnp.asarray(_PLACES[site])
+    both = [jnp.stack(jax.vmap(lambda q, law=law: law.levels(still, q, still))(places)) for law in laws]
+    return sum(float(jnp.mean(levels)) for levels in both)
