@@ -14,7 +14,7 @@ from ..identify.solve import reduce
 from ..identify.uncertainty import inverse_normal
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import Candidate
+from .candidates import WRONG_VALUE, Candidate
 
 EFFECTIVE = 1000.0
 """Effective number of independent samples, for weighing costs against parameters: residuals hang together."""
@@ -22,6 +22,9 @@ _GAIN = 0.03
 """Least share of the cost that an acceptance must bring."""
 _LATER_GAIN = 0.25
 """The same from the third effect on: what nobody catalogued is not to be pieced together from small gains."""
+_BELIEVED = 4.0
+"""Factor by which a number that its owner knows may be wrong. Beyond it stands for something else: a lag of the winch's
+drive, say, for a winch that is ten times as heavy."""
 _SIGNIFICANT = 4.0
 """Least distance of a parameter from its null value, in standard deviations."""
 
@@ -203,4 +206,14 @@ def accepts(state: State, trial: Trial, least: float) -> str:
         return "does not hold on recordings left out"
     if trial.z < _SIGNIFICANT:
         return "its interval includes its absence"
-    return ""
+    return beyond_belief(trial.candidate, state.plant, trial.plant)
+
+
+def beyond_belief(candidate: Candidate, given: Plant, found: Plant) -> str:
+    """Empty unless a known number of the bridge would have to be wrong by more than its owner may be."""
+    if candidate.kind != WRONG_VALUE:
+        return ""
+    own, refitted = (float(getattr(plant.bridge, candidate.site)) for plant in (given, found))
+    if own / _BELIEVED <= refitted <= own * _BELIEVED:
+        return ""
+    return f"the known number would have to be {refitted / own:.2g} times what it is"

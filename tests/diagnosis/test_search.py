@@ -1,5 +1,7 @@
 """Parts of the search: numbers that move between models, levels that are counted once, and left-out recordings."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
-from jbridge.diagnosis.trials import cross_validated, transfer
+from jbridge.diagnosis.trials import beyond_belief, cross_validated, transfer
 from jbridge.identify.lanes import make_batch
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.parameters import ParameterTable
@@ -150,3 +152,17 @@ def test_a_law_contains_simpler_ones(kind, simpler):
 
 def test_a_smooth_effect_contains_no_simpler_law():
     assert simpler_laws(make_effect("quadratic_drag", "cart", {"coefficient": 1.0})) == []
+
+
+@pytest.mark.parametrize(("kind", "site", "times", "believed"), [
+    ("wrong_value", "winch_mass", 12.0, False),
+    ("wrong_value", "winch_mass", 0.1, False),
+    ("wrong_value", "winch_mass", 2.5, True),
+    ("coulomb_friction", "cart", 12.0, True),
+])  # fmt: skip
+def test_a_known_number_is_wrong_by_a_factor_of_four_at_most(kind, site, times, believed):
+    """A lag of the winch's drive is fitted well by a winch of ten times its mass, which nobody has."""
+    given = make_plant(COULOMB)
+    heavier = dataclasses.replace(given.bridge, winch_mass=given.bridge.winch_mass * times)
+    said = beyond_belief(Candidate(kind, site, {}, (), False), given, dataclasses.replace(given, bridge=heavier))
+    assert (said == "") == believed and (believed or f"{times:.2g} times" in said)
