@@ -114,7 +114,7 @@ class Last(jbridge.AbstractSummary):
 
 def engine(mode: str, table: np.ndarray, model: "jbridge.Model"):
     """The batch as one function of the lanes' numbers: masses, friction levels and starts."""
-    controller = jbridge.paper_controller()
+    law = jax.tree.map(lambda leaf: leaf.astype(jnp.result_type(float)), jbridge.paper_controller())
     period, substeps = MODES[mode]
 
     def one(load_mass, friction, start):
@@ -124,7 +124,6 @@ def engine(mode: str, table: np.ndarray, model: "jbridge.Model"):
         if mode == "open":
             return jbridge.play(plant, initial, given, period=period, substeps=substeps, collect=Last())
         still = jnp.zeros(len(table), start.dtype)
-        law = jax.tree.map(lambda leaf: leaf.astype(start.dtype), controller)
         reference = jbridge.Reference(given[:, 0], given[:, 1], still, still)
         return jbridge.closed_loop(plant, law, initial, reference, period=period, substeps=substeps, collect=Last())
 

@@ -308,9 +308,7 @@ _TINY = 1e-30
 """Keeps finite the friction of a locked axis, whose inverse mass is 0, and that of a step of no length."""
 
 
-def _mean_friction(
-    v: Scalar, a_free: Scalar, w: Scalar, mass: Scalar, up: Scalar, down: Scalar, h: Scalar
-) -> Scalar:
+def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, mass: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
     """Coulomb's friction averaged over a step.
 
     Args:
