@@ -37,7 +37,7 @@ def known(tree: Any) -> bool:
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
-def columns(shapes: Sequence[Array], grid: Array) -> list[Column] | None:
+def columns(shapes: Sequence[Any], grid: Any) -> list[Column] | None:
     """The columns of known shapes over a known grid, or None if there are too many.
 
     Args:

@@ -242,7 +242,7 @@ def test_a_grid_has_both_ends():
 def known_sets_case(seed):
     """A random system whose output's sets cover a part of the universe each, and values at which a rule fires."""
     rng = np.random.default_rng(seed)
-    corners = np.sort(rng.uniform(-2.0, 3.0, (3, 3)), axis=1)
+    corners = rng.uniform(-1.5, 2.5, (3, 1)) + np.sort(rng.uniform(-1.0, 1.0, (3, 3)), axis=1)
     sets = tuple(Triangular(*map(as_number, row)) for row in corners)
     output = Variable("out", as_number(-2.0), as_number(3.0), ("s0", "s1", "s2"), sets)
     system, values = random_system(seed, points=101)
