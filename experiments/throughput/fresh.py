@@ -1,11 +1,11 @@
-"""What only a fresh process can tell: compile times without kept programs, peak memory, and runs with plain loops.
+"""What only a fresh process can tell: compile times without kept programs, peak memory, and gradients.
 
     python experiments/throughput/fresh.py compile            one line of JSON
     python experiments/throughput/fresh.py gradient LANES SECONDS
     python experiments/throughput/fresh.py few SECONDS
     python experiments/throughput/fresh.py memory SECONDS
 
-Whole loops (`jbridge.set_up`) are for forward rollouts; gradients and fits do without, and so they are measured.
+Whole loops (`jbridge.set_up`) are for forward rollouts; gradients do without, and so they are measured.
 """
 
 import json
@@ -86,11 +86,11 @@ def few(seconds: str) -> dict[str, float]:
     """Four bare bridges in jbridge and in plain diffrax: seconds of both, and how far they differ."""
     import numpy as np
 
+    import engines
     import ours
-    import rivals
 
     given = bare(4, float(seconds))
-    run, theirs = ours.bare_forward(given), rivals.diffrax_batch(given)
+    run, theirs = ours.bare_forward(given), engines.diffrax_batch(given)
     difference = float(np.abs(np.asarray(run(given.starts)) - theirs()).max())
     found = {"seconds": float(seconds), "difference": difference, "diffrax": best_of(theirs)}
     return found | {"jbridge": best_of(lambda: np.asarray(run(given.starts)))}
@@ -123,5 +123,5 @@ if __name__ == "__main__":
         "compile": compile_times, "gradient": gradients, "few": few, "memory": memory
     }  # fmt: skip
     kind, *words = sys.argv[1:]
-    jbridge.set_up(cache=False, whole_loops=kind in ("compile", "memory"))
+    jbridge.set_up(cache=False, whole_loops=kind != "gradient")
     print(json.dumps(kinds[kind](*words)))

@@ -55,7 +55,7 @@ def precise(precision: str) -> contextlib.AbstractContextManager[Any]:
 def law(dtype: Any, softness: float | None = None) -> Any:
     """The paper's controllers in some precision."""
     controller = dataclasses.replace(jbridge.paper_controller(), softness=softness)
-    return jax.tree.map(lambda leaf: np.asarray(leaf, dtype), controller)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), controller)
 
 
 def lane(mode: str, given: Given, model: Any, *, collect: Any = None, keep: bool = True) -> Callable:

@@ -22,10 +22,10 @@ import numpy as np
 
 import cpp
 import draw
+import engines
 import fresh
 import jbridge
 import ours
-import rivals
 from problem import MODES, bare, batch, load_model
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,9 +37,9 @@ SECONDS = 2.0
 AGREE = {"float64": 1e-9, "float32": 2e-3}
 """Largest difference of final positions from the C++ [m, rad]."""
 RIVALS = {
-    "mujoco": (rivals.mujoco_batch, 256),
-    "diffrax": (rivals.diffrax_batch, 256),
-    "scipy": (rivals.scipy_batch, 4),
+    "mujoco": (engines.mujoco_batch, 256),
+    "diffrax": (engines.diffrax_batch, 256),
+    "scipy": (engines.scipy_batch, 4),
 }
 """Another engine, and how many lanes it is given."""
 
@@ -81,7 +81,7 @@ def against_rivals(seconds: float) -> list[dict[str, Any]]:
 
     def compare(name: str, lanes: int, span: float, given: Any, run: Callable[[], np.ndarray]) -> dict[str, Any]:
         _, best, final = ours.timed(ours.bare_forward(given), [given.starts], "float64")
-        difference = agreed(name, final, run(), rivals.AGREE[name] * max(1.0, span / SECONDS))
+        difference = agreed(name, final, run(), engines.AGREE[name] * max(1.0, span / SECONDS))
         steps = lanes * len(given.forces)
         row = {
             "name": name, "lanes": lanes, "seconds": span, "jbridge": steps / best,
@@ -98,7 +98,7 @@ def against_rivals(seconds: float) -> list[dict[str, Any]]:
             rows.append({"name": name, "lanes": lanes, "missing": True})
     given = bare(256, seconds, free_hoist=True)
     try:
-        run, gradient = rivals.torch_crane(given)
+        run, gradient = engines.torch_crane(given)
     except ImportError:
         rows.append({"name": "torch-fis", "lanes": 256, "missing": True})
     else:
@@ -148,7 +148,7 @@ def measured(quick: bool) -> dict[str, Any]:
         ):
             saved[key] = part()
             if key == "few":
-                agreed("diffrax", np.array(saved[key]["difference"]), np.zeros(()), 8 * rivals.AGREE["diffrax"])
+                agreed("diffrax", np.array(saved[key]["difference"]), np.zeros(()), 8 * engines.AGREE["diffrax"])
             print(f"{key}: {json.dumps(saved[key])}", flush=True)
     return saved
 
