@@ -185,17 +185,15 @@ def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[
     constants = plant.time_constants()
     steps = steps[lane.before.shape[0] :]
     h = jnp.diff(steps, axis=1)
-    none = jnp.zeros_like(h)
 
-    def left(share: float) -> Axes:
-        x, l_ = (jnp.exp(-share * h / jnp.maximum(constant, 1e-9)) for constant in (constants.x, constants.l))
-        return Axes(x, none, l_)
+    half = Axes(*(jnp.exp(-0.5 * h / jnp.maximum(constant, 1e-9)) for constant in constants))
+    whole = Axes(*(left * left for left in half))
 
     def held(inputs: Float[Array, "time step 2"]) -> Axes:
-        return Axes(inputs[:, :, 0], none, inputs[:, :, 1])
+        return Axes(inputs[:, :, 0], jnp.zeros_like(h), inputs[:, :, 1])
 
     number = jnp.arange(h.shape[0])
-    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left(0.5), left(1.0))
+    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), half, whole)
     return told, drives.lags
 
 

@@ -37,11 +37,16 @@ class Centroid(AbstractDefuzzifier):
         self, grid: Float[Array, " point"], degree: Float[Array, " point"], softness: Softness = None
     ) -> Scalar:
         middle = 0.5 * (grid[0] + grid[-1])
-        moment, area = jnp.sum(degree * (grid - middle)), jnp.sum(degree)
+        return self.balance(middle, jnp.sum(degree), jnp.sum(degree * (grid - middle)), grid.shape[0], softness)
+
+    def balance(
+        self, middle: Scalar | float, area: Scalar, moment: Scalar, points: int, softness: Softness = None
+    ) -> Scalar:
+        """The centre from the sum of the degrees and the sum of their moments about the middle."""
         if softness is None:
             empty = area <= 0.0
             return middle + jnp.where(empty, 0.0, moment / jnp.where(empty, 1.0, area))
-        return middle + moment / (area + EMPTY * softness * grid.shape[0])
+        return middle + moment / (area + EMPTY * softness * points)
 
 
 class Bisector(AbstractDefuzzifier):

@@ -17,8 +17,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .columns import area_and_moment, columns, evaluate, known
 from .defuzzify import AbstractDefuzzifier, Centroid
-from .norms import AbstractNorm, Maximum, Minimum, Softness
+from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
 from .rules import Clause, Labelled, Rule, Variable
 
 POINTS = 101
@@ -85,14 +86,13 @@ class Mamdani(AbstractSystem):
         strength = strengths(self.inputs, self.rules, values, self.conjunction, self.disjunction, softness)
         outputs, fired = [], []
         for number, variable in enumerate(self.outputs):
-            grid = variable.grid(self.points)
             concluded = self.conclusions(strength, number, softness)
-            parts = [self.implication(self._set(variable, clause, grid), weight) for clause, weight in concluded]
-            if not parts:
+            if not concluded:
                 outputs.append(variable.middle)
                 fired.append(jnp.zeros((), bool))
                 continue
-            outputs.append(self.defuzzifier(grid, self.aggregation.all(parts), softness))
+            clauses, weights = zip(*concluded, strict=True)
+            outputs.append(self._defuzzified(variable, clauses, weights, softness))
             fired.append(jnp.stack([weight for _, weight in concluded]).max() > 0.0)
         return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
 
@@ -116,6 +116,31 @@ class Mamdani(AbstractSystem):
                     found.append((clause, weight))
         return found
 
-    def _set(self, variable: Variable, clause: Clause, grid: Array) -> Array:
-        degree = variable.sets[clause.label].degree(grid)
-        return 1.0 - degree if clause.negated else degree
+    def _defuzzified(
+        self, variable: Variable, clauses: Sequence[Clause], weights: Sequence[Array], softness: Softness
+    ) -> Array:
+        """One value for sets with firing strengths."""
+        if (
+            isinstance(self.defuzzifier, Centroid)
+            and isinstance(self.implication, Minimum | Product)
+            and isinstance(self.aggregation, Maximum | Sum | ProbabilisticSum)
+            and known(variable)
+            # Outside a compiled program many small operations cost more than a few large ones.
+            and not known(weights)
+        ):
+            shapes, grid = evaluate(_shapes, variable, clauses, self.points)
+            found = columns(shapes, grid)
+            if found is not None:
+                area, moment = area_and_moment(found, weights, self.implication, self.aggregation)
+                middle = float(0.5 * (grid[0] + grid[-1]))
+                return self.defuzzifier.balance(middle, area, moment, self.points, softness)
+        shapes, grid = _shapes(variable, clauses, self.points)
+        parts = [self.implication(shape, weight) for shape, weight in zip(shapes, weights, strict=True)]
+        return self.defuzzifier(grid, self.aggregation.all(parts), softness)
+
+
+def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:
+    """Degrees of some conclusions over the output's grid, and the grid."""
+    grid = variable.grid(points)
+    degrees = [variable.sets[clause.label].degree(grid) for clause in clauses]
+    return [1.0 - d if clause.negated else d for d, clause in zip(degrees, clauses, strict=True)], grid

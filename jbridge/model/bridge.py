@@ -46,9 +46,14 @@ class Bridge(eqx.Module):
     cart_gain: Scalar = parameter("N/{u_x}", "force of the cart's motor, K_x", null=1.0, default=1.0)
     hoist_gain: Scalar = parameter("N/{u_l}", "force of the winch along the rope, K_l", null=1.0, default=1.0)
 
-    def mass_matrix(self, q: Axes) -> Symmetric:
-        """`M(q)` [kg, kg m, kg m^2]."""
-        sine, cosine = sincos(q.psi)
+    def mass_matrix(self, q: Axes, swing: tuple[Scalar, Scalar] | None = None) -> Symmetric:
+        """`M(q)` [kg, kg m, kg m^2].
+
+        Args:
+            q: positions.
+            swing: sine and cosine of `q.psi`, where they are known already.
+        """
+        sine, cosine = sincos(q.psi) if swing is None else swing
         m2 = self.load_mass
         return Symmetric(
             self.cart_mass + m2,
@@ -59,9 +64,9 @@ class Bridge(eqx.Module):
             m2 + self.winch_mass,
         )
 
-    def bias(self, q: Axes, v: Axes) -> Axes:
-        """Centrifugal, Coriolis and gravity terms on the left-hand side [N, N m, N]."""
-        sine, cosine = sincos(q.psi)
+    def bias(self, q: Axes, v: Axes, swing: tuple[Scalar, Scalar] | None = None) -> Axes:
+        """Centrifugal, Coriolis and gravity terms on the left-hand side [N, N m, N]; `swing` as above."""
+        sine, cosine = sincos(q.psi) if swing is None else swing
         m2 = self.load_mass
         coriolis = 2.0 * m2 * v.l * v.psi
         centrifugal = m2 * q.l * v.psi * v.psi
@@ -93,14 +98,15 @@ def inverse(m: Symmetric, active: Axes) -> Symmetric:
         m: mass matrix with `pl == 0`.
         active: 1 for an axis that moves, 0 for one that is locked or absent; rows and columns of the latter are 0.
     """
-    to_psi = active.psi * m.xp / m.pp
-    to_l = active.l * m.xl / m.ll
+    # Two divisions by a diagonal entry that are shared: they cost as much as twenty multiplications.
+    pp, ll = active.psi / m.pp, active.l / m.ll
+    to_psi, to_l = pp * m.xp, ll * m.xl
     xx = active.x / (m.xx - to_psi * m.xp - to_l * m.xl)
     return Symmetric(
         xx,
         -xx * to_psi,
         -xx * to_l,
-        active.psi / m.pp + xx * to_psi * to_psi,
+        pp + xx * to_psi * to_psi,
         xx * to_psi * to_l,
-        active.l / m.ll + xx * to_l * to_l,
+        ll + xx * to_l * to_l,
     )

@@ -145,6 +145,10 @@ class Plant(eqx.Module):
             negative[axis] = negative[axis] + down
         return Axes(**positive), Axes(**negative)
 
+    def has_friction(self, axis: str) -> bool:
+        """Whether any dry friction that sticks acts on an axis (`x`, `psi` or `l`)."""
+        return any(AXIS_OF_SITE[effect.site] == axis for effect in self.all(AbstractFriction))
+
     def smooth_forces(self, t: Scalar, q: Motion, v: Motion) -> tuple[Axes, Axes]:
         """Forces at the load's side (cart, swing, loaded rope) and resistances at the drives' side [N, N m, N]."""
         load_q, load_v = q.at_load(), v.at_load()
@@ -189,13 +193,14 @@ class Plant(eqx.Module):
         load_q, load_v = q.at_load(), v.at_load()
         # A cart alone carries no load.
         loaded = jnp.maximum(active.psi, active.l)
-        m = b.mass_matrix(load_q)
+        swing = materialise(sincos(load_q.psi), go)
+        m = b.mass_matrix(load_q, swing)
         xx = m.xx - b.load_mass * (1.0 - loaded) - (0.0 if train is None else train.motor_mass)
         ll = m.ll if rope is None else m.ll - b.winch_mass
         m = m._replace(xx=xx, ll=ll)
         # The rope's far end moves freely where the rope is elastic, even if the winch is locked.
         block = active if rope is None else active._replace(l=loaded)
-        bias = b.bias(load_q, load_v)
+        bias = b.bias(load_q, load_v, swing)
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
         if push is not None:
             force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))
@@ -242,8 +247,11 @@ class Plant(eqx.Module):
             positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
             negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))
         w = ((w_x, w_xp, w_xl), (w_xp, inv.pp, w_pl), (w_xl, w_pl, w_l))
-        positive, negative = materialise((positive, negative), go)
-        w, rest, inv, free = materialise((w, rest, inv, free), go)
+        effective = tuple(1.0 / (w[i][i] + _TINY) for i in range(3))
+        w, effective, rest, inv, free, positive, negative = materialise(
+            (w, effective, rest, inv, free, positive, negative), go
+        )
+        rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
         contact = train if isinstance(train, Backlash) else None
         f = [jnp.zeros_like(q.x)] * 3
         thrust = jnp.zeros_like(q.x)
@@ -265,14 +273,17 @@ class Plant(eqx.Module):
                 # Acceleration of approach without the contact, friction at its current values.
                 a_free = side * (rest.x + w_x * f[0] - free.x - inv.xp * f[1] - u[2] * side * f[2])
                 thrust = jnp.maximum((a_free + slowing) / (w_contact + _TINY), 0.0)
-            for i, (levels_up, levels_down) in enumerate(zip(positive, negative, strict=True)):
+            for i in range(3):
+                if not rubbing[i]:
+                    continue
                 a_free = rest[i]
                 for j in range(3):
-                    if j != i:
+                    if j != i and rubbing[j]:
                         a_free = a_free + w[i][j] * f[j]
                 if contact is not None:
                     a_free = a_free + u[i] * thrust
-                f[i] = materialise(_mean_friction(moving[i], a_free, w[i][i], levels_up, levels_down, h), go)
+                friction = _mean_friction(moving[i], a_free, w[i][i], effective[i], positive[i], negative[i], h)
+                f[i] = materialise(friction, go)
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
         if contact is not None:
@@ -294,27 +305,28 @@ class Plant(eqx.Module):
 
 
 _TINY = 1e-30
-"""Keeps a locked axis' friction finite: its inverse mass is 0."""
+"""Keeps finite the friction of a locked axis, whose inverse mass is 0, and that of a step of no length."""
 
 
-def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
+def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, mass: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
     """Coulomb's friction averaged over a step.
 
     Args:
         v: velocity at the step's beginning.
         a_free: the axis' acceleration without its own friction.
         w: its inverse effective mass, 0 if it is locked.
+        mass: `1 / w`, large if it is locked.
         up, down: levels against positive and against negative motion.
         h: length of the step [s].
     """
-    needed = -a_free / (w + _TINY)
+    needed = -a_free * mass
     # Written out, because a clip between equal bounds has no gradient towards them.
     holding = jnp.where(needed < -up, -up, jnp.where(needed > down, down, needed))
     sliding = jnp.where(v > 0, -up, down)
     a_sliding = a_free + w * sliding
     slows = v * a_sliding < 0
-    until_rest = -v / jnp.where(slows, a_sliding, 1.0)
-    share = jnp.where(slows, jnp.minimum(until_rest / (h + _TINY), 1.0), jnp.where(v == 0, 0.0, 1.0))
+    slowed_by = jnp.where(slows, a_sliding, 1.0) * (h + _TINY)
+    share = jnp.where(slows, jnp.minimum(-v / slowed_by, 1.0), jnp.where(v == 0, 0.0, 1.0))
     return holding + share * (sliding - holding)
 
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import skfuzzy
 
+from jbridge.fuzzy.columns import columns
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.fis import load_fis
 from jbridge.fuzzy.inference import Mamdani
-from jbridge.fuzzy.membership import Triangular, as_number
+from jbridge.fuzzy.membership import Gaussian, Triangular, as_number
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
-from jbridge.fuzzy.rules import Clause, Variable, in_words, rule
+from jbridge.fuzzy.rules import Clause, Rule, Variable, in_words, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
 from tests.fuzzy.systems import TIPPER, random_system
 
@@ -236,3 +237,45 @@ def test_norms_are_the_textbooks():
 def test_a_grid_has_both_ends():
     assert Centroid.name == "centroid"
     np.testing.assert_allclose(tent().grid(101)[jnp.array([0, 50, 100])], [-1.0, 0.0, 1.0], atol=1e-15)
+
+
+def known_sets_case(seed):
+    """A random system whose output's sets cover a part of the universe each, and values at which a rule fires."""
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-1.5, 2.5, (3, 1)) + np.sort(rng.uniform(-1.0, 1.0, (3, 3)), axis=1)
+    sets = tuple(Triangular(*map(as_number, row)) for row in corners)
+    output = Variable("out", as_number(-2.0), as_number(3.0), ("s0", "s1", "s2"), sets)
+    system, values = random_system(seed, points=101)
+    rules = tuple(
+        Rule(found.antecedent, (Clause(0, k % 3),), found.weight, found.any_of) for k, found in enumerate(system.rules)
+    )
+    aggregation = [Maximum(), Sum(), ProbabilisticSum()][seed % 3]
+    implication = [Minimum(), Product()][seed % 2]
+    return Mamdani(system.inputs, (output,), rules, Minimum(), Maximum(), implication, aggregation), values
+
+
+@pytest.mark.parametrize("softness", [None, 0.1])
+def test_sets_known_while_compiling_change_nothing_but_time(softness):
+    """Gathered points against the plain grid, which is used for sets that are arguments: to rounding, gradients too."""
+    compared = 0
+    for seed in range(6):
+        system, values = known_sets_case(seed)
+        plain = jax.value_and_grad(lambda v, s: s.infer(v, softness=softness).output[0])
+        gathered = jax.jit(lambda v: plain(v, system))  # noqa: B023
+        wanted, found = jax.jit(plain)(values, system), gathered(values)
+        assert "[101]" not in str(jax.make_jaxpr(gathered)(values))
+        np.testing.assert_allclose(found[0], wanted[0], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(found[1], wanted[1], rtol=1e-9, atol=1e-9)
+        compared += bool(system.infer(values).fired[0])
+    assert compared >= 3
+
+
+def test_a_set_that_covers_everything_stays_on_the_grid():
+    """A bell is nowhere 0: its columns would be as many as the points."""
+    bells = tuple(Gaussian(as_number(0.3), as_number(c)) for c in (-0.61, 0.07, 0.52))
+    output = Variable("y", as_number(-1.0), as_number(1.0), ("a", "b", "c"), bells)
+    grid = output.grid(101)
+    assert columns([member.degree(grid) for member in bells], grid) is None
+    tents = tent()
+    few = columns([member.degree(grid) for member in tents.sets], grid)
+    assert few is not None and len(few) < 60 and sum(column.number for column in few) <= 101

@@ -1,0 +1,127 @@
+"""What only a fresh process can tell: compile times without kept programs, peak memory, and gradients.
+
+    python experiments/throughput/fresh.py compile            one line of JSON
+    python experiments/throughput/fresh.py gradient LANES SECONDS
+    python experiments/throughput/fresh.py few SECONDS
+    python experiments/throughput/fresh.py memory SECONDS
+
+Whole loops (`jbridge.set_up`) are for forward rollouts; gradients do without, and so they are measured.
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jbridge
+from problem import bare, batch, load_model
+
+LANES = 4096
+SOFTNESS = 0.05
+
+
+def ask(*words: str) -> dict[str, float]:
+    """The answer of a process of its own."""
+    found = subprocess.run([sys.executable, __file__, *words], check=True, capture_output=True, text=True)
+    return json.loads(found.stdout.splitlines()[-1])
+
+
+def best_of(run: Callable[[], Any], repeats: int = 3) -> float:
+    """Seconds of the fastest call; the first is not counted."""
+    run()
+    spans = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        run()
+        spans.append(time.perf_counter() - begun)
+    return min(spans)
+
+
+def compiled(function: Any, *arguments: Any) -> tuple[float, Any]:
+    """Seconds to trace and compile, and the program."""
+    import jax
+
+    begun = time.perf_counter()
+    program = jax.jit(function).lower(*arguments).compile()
+    return time.perf_counter() - begun, program
+
+
+def compile_times() -> dict[str, float]:
+    """Of an open loop and of a closed one."""
+    import ours
+
+    model, seconds = a_model(), {}
+    for mode in ("open", "closed"):
+        given = batch(mode, ours.ABREAST, 2.0)
+        run = ours.forward(mode, given, model, "float64")
+        seconds[mode], _ = compiled(run, *ours.lanes_of(given, "float64"))
+    return seconds
+
+
+def gradients(lanes: str, seconds: str) -> dict[str, float]:
+    """Seconds of a closed-loop cost, and of its value with the gradient by every number of both controllers."""
+    import jax
+
+    import ours
+
+    model, given = a_model(), batch("closed", int(lanes), float(seconds))
+    arguments = ours.law("float64", SOFTNESS), *ours.lanes_of(given, "float64")
+    found = {"lanes": float(lanes), "seconds": float(seconds)}
+    for name, function in (
+        ("forward", ours.cost(given, model, keep=True)),
+        ("rematerialised", jax.value_and_grad(ours.cost(given, model, keep=False))),
+        ("kept", jax.value_and_grad(ours.cost(given, model, keep=True))),
+    ):
+        found[f"compile {name}"], program = compiled(function, *arguments)
+        found[name] = best_of(lambda: jax.block_until_ready(program(*arguments)))  # noqa: B023
+    return found
+
+
+def few(seconds: str) -> dict[str, float]:
+    """Four bare bridges in jbridge and in plain diffrax: seconds of both, and how far they differ."""
+    import numpy as np
+
+    import engines
+    import ours
+
+    given = bare(4, float(seconds))
+    run, theirs = ours.bare_forward(given), engines.diffrax_batch(given)
+    difference = float(np.abs(np.asarray(run(given.starts)) - theirs()).max())
+    found = {"seconds": float(seconds), "difference": difference, "diffrax": best_of(theirs)}
+    return found | {"jbridge": best_of(lambda: np.asarray(run(given.starts)))}
+
+
+def memory(seconds: str) -> dict[str, float]:
+    """Peak memory of summaries of closed loops [byte]."""
+    import ours
+
+    model, given = a_model(), batch("closed", LANES, float(seconds))
+    ours.timed(ours.forward("closed", given, model, "float64"), ours.lanes_of(given, "float64"), "float64")
+    return {"peak": peak_memory()}
+
+
+def peak_memory() -> float:
+    """Of this process [byte]."""
+    status = Path("/proc/self/status")
+    if status.exists():  # what the other one tells begins with the parent's memory on Linux
+        return 1024.0 * next(float(line.split()[1]) for line in status.read_text().splitlines() if "VmHWM" in line)
+    return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+
+
+def a_model() -> Any:
+    with tempfile.TemporaryDirectory() as name:
+        return load_model(Path(name))
+
+
+if __name__ == "__main__":
+    kinds: dict[str, Callable[..., dict[str, float]]] = {
+        "compile": compile_times, "gradient": gradients, "few": few, "memory": memory
+    }  # fmt: skip
+    kind, *words = sys.argv[1:]
+    jbridge.set_up(cache=False, whole_loops=kind != "gradient")
+    print(json.dumps(kinds[kind](*words)))
