@@ -74,9 +74,12 @@ if TYPE_CHECKING:
     from jbridge.tracking import track as track
     from jbridge.tuning.compensation import compensation_for as compensation_for
     from jbridge.tuning.cost import Cost as Cost
+    from jbridge.tuning.cost import Measure as Measure
     from jbridge.tuning.cost import measure as measure
+    from jbridge.tuning.ensemble import PAPER_REGION as PAPER_REGION
     from jbridge.tuning.ensemble import Course as Course
     from jbridge.tuning.ensemble import Legs as Legs
+    from jbridge.tuning.ensemble import Region as Region
     from jbridge.tuning.ensemble import Scatter as Scatter
     from jbridge.tuning.ensemble import mixed_legs as mixed_legs
     from jbridge.tuning.ensemble import paper_legs as paper_legs
@@ -110,12 +113,15 @@ _HOMES = {
     "FuzzyKnobs": "tuning.knobs",
     "InputError": "errors",
     "Legs": "tuning.ensemble",
+    "Measure": "tuning.cost",
     "Model": "model.files",
+    "PAPER_REGION": "tuning.ensemble",
     "Path": "signals",
     "Pid": "control.linear",
     "Plant": "model.plant",
     "Recording": "recordings",
     "Reference": "control.base",
+    "Region": "tuning.ensemble",
     "Scatter": "tuning.ensemble",
     "Starts": "identify.starts",
     "StateFeedback": "control.linear",
@@ -195,12 +201,15 @@ __all__ = [
     "FuzzyKnobs",
     "InputError",
     "Legs",
+    "Measure",
     "Model",
+    "PAPER_REGION",
     "Path",
     "Pid",
     "Plant",
     "Recording",
     "Reference",
+    "Region",
     "Scatter",
     "Starts",
     "StateFeedback",

@@ -180,12 +180,29 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
         steps=arguments.steps,
         starts=arguments.starts,
         seed=arguments.seed,
+        region=_region(arguments.rail, arguments.rope),
         progress=progress,
     )
     progress("drawing")
     jbridge.save_tuning(arguments.out, tuning)
     progress.clear()
     print(jbridge.describe_tuning(tuning, arguments.out), end="")
+
+
+def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Region | None":
+    """Where moves begin and end, if that is told."""
+    if rail is None and rope is None:
+        return None
+    ends = {}
+    for name, given, usual, least in (
+        ("rail", rail, jbridge.PAPER_REGION.rail, -float("inf")),
+        ("rope", rope, jbridge.PAPER_REGION.rope, 0.0),
+    ):
+        low, high = given or usual
+        if not least < low < high < float("inf"):
+            raise InputError(f"--{name} {low:g} {high:g}: give the lower end and the higher one in metres")
+        ends[name] = (low, high)
+    return jbridge.Region(**ends)
 
 
 def _controller(path: str | None) -> "jbridge.Controller":
@@ -315,6 +332,8 @@ def _parser() -> _Parser:
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
     tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
+    tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
+    tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
     tune.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"

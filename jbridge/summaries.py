@@ -71,8 +71,10 @@ class MoveSummary(AbstractSummary):
         q, t, u = sample.q, sample.times, sample.command
         place = jnp.stack([q.x, q.l])
         error = place - self.goal
-        load = q.x + q.l * sincos(q.psi)[0] - self.goal[0]
-        away = jnp.abs(jnp.append(error, load)) > NEAR
+        sideways = jnp.abs(q.x + q.l * sincos(q.psi)[0] - self.goal[0])
+        load = jnp.maximum(sideways, jnp.abs(error[1]))
+        # A position that is no number any more is not near.
+        away = ~(jnp.append(jnp.abs(error), load) <= NEAR)
         follow = place - jnp.stack([sample.reference.x, sample.reference.l])
         swing = jnp.abs(q.psi)
         return _Numbers(

@@ -59,7 +59,8 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         path: the reference, at the controller's samples (`signals.smooth_path`).
 
     Raises:
-        InputError: the model lacks a part of the bridge, or path and controller have different periods.
+        InputError: the model lacks a part of the bridge, path and controller have different periods, or the loop runs
+            away.
     """
     requires(model, ("x", "psi", "l"))
     plant, period = model.plant, controller.period
@@ -82,6 +83,12 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     )
     position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)
     command = np.asarray(response.command)
+    lost = np.flatnonzero(~np.isfinite(position).all(axis=1))
+    if len(lost):
+        raise InputError(
+            f"{controller.source or 'the controller'}: the loop runs away {path.times[lost[0]]:.3g} s after its start; "
+            "lower the controller's gains, or see whether a voltage has the wrong sign"
+        )
     names = ("x", "psi", "l")
     return Tracking(
         path.times,

@@ -3,12 +3,17 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 
 import jbridge
 from jbridge.cli import main
+from jbridge.fuzzy.membership import Trapezoidal, as_number
+from jbridge.fuzzy.rules import Variable, rule
+from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
 from jbridge.report import save as saving
 from jbridge.report.figures.gallery import Gallery
 from tests import report_cases as cases
@@ -250,6 +255,69 @@ def test_control_moves_the_load(tmp_path, capsys):
     assert (again / "run.csv").read_text() == (out / "run.csv").read_text()
     # The run is a recording that the other commands read.
     assert main(["simulate", str(model), "--input", str(out / "run.csv"), "--out", str(tmp_path / "open.csv")]) == 0
+
+
+def test_tune_makes_a_controller_for_control(tmp_path, capsys):
+    """Two steps on two bridges: what is written is there, can be used, and is told."""
+    model, out = tmp_path / "model.toml", tmp_path / "out"
+    model.write_text(CONTROL_MODEL)
+    small = ["--plants", "2", "--steps", "2", "--starts", "1", "--rail", "0", "0.8"]
+    assert main(["tune", str(model), "--rules", "extended", *small, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "cost" in said and str(out / "tune.html") in said and str(out / "controller.toml") in said
+    assert {p.name for p in out.iterdir()} == {"controller.toml", "tune.json", "tune.html", "figures"}
+    told = json.loads((out / "tune.json").read_text())
+    assert len(told["history"]) == 2 and set(told["measures"]) == {"train", "held_out"}
+    assert {"response.png", "sets-cart.png", "surface-hoist.png", "ensemble.png"} <= {
+        p.name for p in (out / "figures").iterdir()
+    }
+    assert jbridge.load_controller(out / "controller.toml").law.compensation is not None
+
+
+@pytest.mark.parametrize(("words", "complaint"), [
+    (["--seed", "-1"], "the seed at least 0"),
+    (["--rail", "1.2", "0"], "--rail 1.2 0: give the lower end and the higher one in metres"),
+    (["--rope", "-0.1", "0.5"], "--rope -0.1 0.5: give"),
+    (["--controller", "sugeno.toml"], "cart's fuzzy system is a Sugeno's; only Mamdani's are tuned"),
+    (["--controller", "folder.toml"], "cannot be read"),
+])  # fmt: skip
+def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
+    monkeypatch.chdir(tmp_path)
+    Path("model.toml").write_text(CONTROL_MODEL)
+    Path("sugeno.toml").write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    Path("folder.toml").write_text('kind = "fuzzy"\ncart = "."\nhoist = "."\n')
+    for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
+        jbridge.save_fis(f"{name}.fis", sugeno(inputs))
+    assert main(["tune", "model.toml", *words, "--out", "out"]) == 2
+    said = capsys.readouterr().err
+    assert complaint in said and said.count("\n") == 1 and not Path("out").exists()
+
+
+def test_a_sugeno_controller_moves_the_load_and_comes_back(tmp_path, capsys):
+    model, given, out = tmp_path / "model.toml", tmp_path / "given.toml", tmp_path / "out"
+    model.write_text(CONTROL_MODEL)
+    given.write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
+        jbridge.save_fis(tmp_path / f"{name}.fis", sugeno(inputs))
+    reference = tmp_path / "reference.toml"
+    reference.write_text("points = [[0.0, 0.3], [0.3, 0.4]]\nrest = 2.0\n")
+    command = ["control", str(model), "--controller", str(given), "--reference", str(reference)]
+    assert main([*command, "--out", str(out)]) == 0
+    found, wanted = (jbridge.load_controller(path).law for path in (out / "controller.toml", given))
+    assert eqx.tree_equal(found, wanted)
+
+
+def sugeno(inputs):
+    """Ten volts per metre of error, whatever else is asked."""
+    variables = tuple(
+        Variable(name, as_number(-1.0), as_number(1.0), ("any",), (Trapezoidal(*map(as_number, (-1, -1, 1, 1))),))
+        for name in inputs
+    )
+    slopes = [10.0] + [0.0] * (len(inputs) - 1)
+    out = Conclusions(
+        "voltage", as_number(-10.0), as_number(10.0), ("law",), (Linear(as_number(slopes), as_number(0.0)),)
+    )
+    return Sugeno(variables, (out,), (rule("if error is any then voltage is law", variables, (out,)),))
 
 
 def test_a_cart_alone_cannot_be_controlled(tmp_path, capsys):

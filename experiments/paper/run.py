@@ -1,6 +1,6 @@
 """The paper's experiments, one after the other: record, estimate, validate, control.
 
-    python experiments/paper/run.py                 all of it, from scratch (needs the extra `proof`)
+    python experiments/paper/run.py                 all but the last stage, from scratch (needs the extra `proof`)
     python experiments/paper/run.py --only record   one stage: record, estimate, validate, control, starts, diagnose
 
 Recordings and fits go below out/paper; what the figures show goes to figures/data/paper.json, from which `jbridge
@@ -22,7 +22,7 @@ ROOT = HERE.parent.parent
 OUT = ROOT / "out" / "paper"
 DATA = ROOT / "figures" / "data" / "paper.json"
 PARTITIONS = np.linspace(*RAIL, 7)
-"""Partitions of the rail, chosen without knowing the rig's."""
+"""Partitions of the rail in which friction is compared."""
 STAGES = ("record", "estimate", "validate", "control", "starts", "diagnose")
 CART_TESTS = ("ramps-1", "ramps-3", "decay-0.7")
 """Tests of the cart and the swing alone."""
@@ -183,12 +183,12 @@ def main() -> None:
     parser.add_argument("--only", choices=STAGES, action="append", help="these stages, of what is there already")
     chosen = parser.parse_args().only or [stage for stage in STAGES if stage != "diagnose"]
     jbridge.set_up()
-    saved = json.loads(DATA.read_text()) if DATA.exists() else {}
+    DATA.parent.mkdir(parents=True, exist_ok=True)
     for stage in chosen:
         print(f"-- {stage}", flush=True)
-        saved |= globals()[stage]() or {}
-    DATA.parent.mkdir(parents=True, exist_ok=True)
-    DATA.write_text(json.dumps(saved, indent=None) + "\n")
+        found = globals()[stage]() or {}
+        saved = json.loads(DATA.read_text()) if DATA.exists() else {}
+        DATA.write_text(json.dumps(saved | found, indent=None) + "\n")
 
 
 if __name__ == "__main__":

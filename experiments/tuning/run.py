@@ -10,6 +10,7 @@ and on the virtual rig. Numbers are kept in figures/data/tuning.json, tuned cont
 """
 
 import argparse
+import dataclasses
 import json
 import sys
 import time
@@ -33,10 +34,12 @@ MEASURES = ("settling_load", "residual_swing", "itae_x", "itae_l")
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
 PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
-"""What a value with its gradient costs, in rollouts: at most this, measured by experiments/throughput."""
+"""As how many rollouts a value with its gradient counts. It takes more time than that (see the seconds); a gradient by
+differences would take as many rollouts as there are numbers."""
+HELD_OUT_SEED = 77
 CONTROLLERS = (
-    "paper", "paper scaled", "paper tuned", "extended", "extended tuned", "extended CMA-ES", "PID tuned",
-    "PID tuned, ZV", "PID tuned, ZVD", "LQR",
+    "paper", "paper scaled", "paper scaled, compensated", "paper tuned", "extended", "extended tuned",
+    "extended CMA-ES", "PID tuned", "PID tuned, ZV", "PID tuned, ZVD", "LQR",
 )  # fmt: skip
 
 
@@ -48,8 +51,8 @@ class Bench:
         plant = self.model.plant
         rows = jbridge.scattered(plant, PLANTS, SEED)
         self.train = jbridge.Course(plant, rows, jbridge.mixed_legs(PLANTS, SEED), PERIOD)
-        rows = jbridge.scattered(plant, HELD_OUT + 1, SEED + 1)[1:]
-        self.held_out = jbridge.Course(plant, rows, jbridge.random_legs(4, SEED + 1, bridges=HELD_OUT), PERIOD)
+        self.others = jbridge.scattered(plant, HELD_OUT + 1, HELD_OUT_SEED)[1:]
+        self.moves = jbridge.random_legs(4, HELD_OUT_SEED, bridges=HELD_OUT)
 
 
 def controllers(bench: Bench, wanted: set[str]) -> None:
@@ -60,7 +63,7 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
     def by_gradient(name: str, law: object) -> object:
         found = jbridge.tune(
             bench.model, jbridge.Controller(law, PERIOD), plants=PLANTS, steps=STEPS, starts=STARTS, seed=SEED,
-            held_out=8, progress=told,
+            held_out=8, prepare=shaper(name, bench), progress=told,
         )  # fmt: skip
         keep("tuning", name, {
             "history": found.history, "softness": found.softness, "seconds": found.seconds,
@@ -70,7 +73,7 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         return found.controller.law
 
     def by_population(name: str, law_of, begin: np.ndarray, spread: np.ndarray, bounds) -> object:
-        cost = jbridge.Cost(bench.train, jbridge.knobs_of(jbridge.Pid()), jbridge.usual_goal())
+        cost = jbridge.Cost(bench.train, jbridge.usual_goal())
         begun = time.perf_counter()
         best, history = population(
             lambda z: cost.of(law_of(z)), begin, spread, bounds, budget // cost.count, SEED, told
@@ -95,13 +98,14 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
             found = jbridge.extended_controller(jbridge.compensation_for(bench.model.plant))
         elif name == "paper scaled":
             found = knobs_by_population(name, jbridge.FuzzyKnobs(law("paper"), weights=False, sets=False))
+        elif name == "paper scaled, compensated":
+            given = dataclasses.replace(law("paper"), compensation=jbridge.compensation_for(bench.model.plant))
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(given, weights=False, sets=False))
         elif name == "extended CMA-ES":
             found = knobs_by_population(name, jbridge.FuzzyKnobs(law("extended")))
         elif name in ("paper tuned", "extended tuned"):
             found = by_gradient(name, law(name.removesuffix(" tuned")))
         elif name.startswith("PID tuned"):
-            if "," in name:
-                return law("PID tuned")
             found = by_gradient(name, jbridge.Pid(compensation=jbridge.compensation_for(bench.model.plant)))
         else:
             weights = lqr_gains(bench.model.plant, PERIOD)
@@ -127,7 +131,7 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
                 OUT / f"{name.replace(',', '').replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD)
             )
         prepare = shaper(name, bench)
-        held_out = jbridge.Course(bench.model.plant, bench.held_out.rows, bench.held_out.legs, PERIOD, prepare)
+        held_out = jbridge.Course(bench.model.plant, bench.others, bench.moves, PERIOD, prepare)
         measured = jbridge.measure(held_out, found)
         moves = jbridge.Course(bench.model.plant, bench.train.rows[:1], jbridge.paper_legs(), PERIOD, prepare)
         rig = on_rig(jbridge.Controller(found, PERIOD), moves)
@@ -155,7 +159,13 @@ def told(text: str) -> None:
 
 def keep(section: str, name: str, value: dict) -> None:
     kept = json.loads(DATA.read_text()) if DATA.exists() else {}
-    kept.setdefault(section, {})[name] = rounded(value)
+    own = kept.get(section, {}) | {name: rounded(value)}
+    # In a fixed order, and without what is compared no more.
+    kept[section] = {key: own[key] for key in CONTROLLERS if key in own}
+    kept["settings"] = {
+        "plants": PLANTS, "held_out": HELD_OUT, "steps": STEPS, "starts": STARTS, "seed": SEED,
+        "held_out_seed": HELD_OUT_SEED, "period": PERIOD,
+    }  # fmt: skip
     DATA.write_text(json.dumps(kept, separators=(",", ":")) + "\n")
 
 

@@ -28,9 +28,13 @@ class Compensation(eqx.Module):
     """What holds the load at rest [V]."""
     blur: Scalar = _number(0.05)
     """Command over which the compensation changes its sign [V]."""
+    cart_limit: Scalar = _number(LIMITS[0])
+    """Voltage beyond which the drive saturates [V]."""
+    hoist_limit: Scalar = _number(LIMITS[1])
+    """[V]"""
 
     def __call__(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """The command with what is lost on its way, within the drives' limits [V]."""
         lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
-        limits = jnp.asarray(LIMITS)
+        limits = jnp.stack([self.cart_limit, self.hoist_limit])
         return jnp.clip(command + lost + jnp.stack([jnp.zeros(()), self.hoist_bias]), -limits, limits)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._toml import Where, as_key, as_value, read_toml, replace_text, shown, word
 from ..fuzzy.defuzzify import DEFUZZIFIERS
-from ..fuzzy.fis import load_fis
+from ..fuzzy.fis import load_fis, save_fis
 from ..fuzzy.inference import POINTS, AbstractSystem, Mamdani
 from ..fuzzy.membership import MEMBERSHIPS, AbstractMembership, as_number
 from ..fuzzy.norms import NORMS
@@ -81,7 +81,9 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
 
 
 def save_controller(path: str | os.PathLike[str], controller: Controller) -> None:
-    """Writes a fuzzy controller whose systems are Mamdani's; reading the file gives the same controller.
+    """Writes a fuzzy controller; reading the file gives the same controller.
+
+    A Sugeno system lies in a `.fis` file beside it, `NAME-cart.fis` or `NAME-hoist.fis`.
 
     Raises:
         InputError: if the file cannot be written.
@@ -102,11 +104,15 @@ def save_controller(path: str | os.PathLike[str], controller: Controller) -> Non
     if law.compensation is not None:
         numbers = {f.name: float(getattr(law.compensation, f.name)) for f in dataclasses.fields(law.compensation)}
         lines += ["", "[compensation]", *(f"{key} = {as_value(value)}" for key, value in numbers.items())]
+    inside: list[str] = []
     for axis, system in (("cart", law.cart), ("hoist", law.hoist)):
-        if not isinstance(system, Mamdani):
-            raise TypeError(f"only Mamdani systems are written, not a {type(system).__name__}; use save_fis")
-        lines += _system_lines(axis, system)
-    replace_text(Path(path), "\n".join(lines) + "\n")
+        if isinstance(system, Mamdani):
+            inside += _system_lines(axis, system)
+            continue
+        beside = Path(path).with_name(f"{Path(path).stem}-{axis}.fis")
+        save_fis(beside, system)
+        lines.insert(1, f"{axis} = {as_value(beside.name)}")
+    replace_text(Path(path), "\n".join(lines + inside) + "\n")
 
 
 def _positive(where: Where, table: Mapping[str, Any], key: str, default: float) -> float:

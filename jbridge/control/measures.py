@@ -23,8 +23,8 @@ class Move:
     arrival: float
     """When the reference comes to rest [s]."""
     settling_time: dict[str, float | None]
-    """Time from the start until the position stays within 1 cm of the goal [s], for `x`, `l` and the `load`'s
-    horizontal position; None if it does not, or not for the last half second."""
+    """Time from the start until the position stays within 1 cm of the goal [s], for `x`, `l` and the `load` (sideways
+    and in the rope's length); None if it does not, or not for the last half second."""
     overshoot: dict[str, float]
     """How far beyond the goal, as a share of the way, for `x` and `l`."""
     steady_error: dict[str, float]
@@ -78,7 +78,8 @@ def _measure(
     place = {"x": position[:, 0], "l": position[:, 2]}
     wanted = dict(zip(("x", "l"), goal, strict=True))
     way = dict(zip(("x", "l"), goal - start, strict=True))
-    load = position[:, 0] + position[:, 2] * np.sin(position[:, 1])
+    sideways = np.abs(position[:, 0] + position[:, 2] * np.sin(position[:, 1]) - goal[0])
+    load = np.maximum(sideways, np.abs(position[:, 2] - goal[1]))
     late = times >= arrival + 0.75 * (times[-1] - arrival)
     beyond = {
         axis: float(np.max(np.sign(way[axis]) * (place[axis] - wanted[axis]), initial=0.0)) / abs(way[axis])
@@ -89,8 +90,7 @@ def _measure(
     return Move(
         float(times[0]),
         arrival,
-        {axis: _settled(since, place[axis] - wanted[axis]) for axis in place}
-        | {"load": _settled(since, load - goal[0])},
+        {axis: _settled(since, place[axis] - wanted[axis]) for axis in place} | {"load": _settled(since, load)},
         beyond,
         {axis: float(np.mean(place[axis][late] - wanted[axis])) for axis in place},
         float(np.max(np.abs(position[late, 1]))),
@@ -103,7 +103,8 @@ def _measure(
 
 
 def _settled(since: NDArray[np.float64], error: NDArray[np.float64]) -> float | None:
-    outside = np.flatnonzero(np.abs(error) > NEAR)
+    # A position that is no number any more is not near.
+    outside = np.flatnonzero(~(np.abs(error) <= NEAR))
     if not len(outside):
         return 0.0
     # Compared in the middle between samples, so that rounding of the times does not decide.

@@ -160,4 +160,4 @@ def _grouped(parameters: Sequence[str]) -> list[str]:
     for name in parameters:
         owner, _, key = name.rpartition(".")
         groups.setdefault(owner, []).append(key.replace("_", " "))
-    return [f"No output depends on {' or '.join(keys)} of {owner}." for owner, keys in groups.items()]
+    return [f"No output has a slope towards {' or '.join(keys)} of {owner}." for owner, keys in groups.items()]

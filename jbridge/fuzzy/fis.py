@@ -38,6 +38,8 @@ class _Reader:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
             raise InputError(f"{path}: there is no such file") from None
+        except OSError as problem:
+            raise InputError(f"{path}: cannot be read ({problem.strerror}); name a .fis file") from None
         except UnicodeDecodeError:
             raise InputError(f"{path}: this is not a text file; save the fuzzy system as .fis") from None
         self.sections: dict[str, _Section] = {}
@@ -232,7 +234,10 @@ def _some(path: str | Path, rules: tuple[Rule, ...]) -> tuple[Rule, ...]:
 
 
 def save_fis(path: str | Path, system: AbstractSystem, name: str = "") -> None:
-    """Writes a fuzzy system; reading the file gives the same system."""
+    """Writes a fuzzy system; reading the file gives the same system, with MATLAB's number of points (101).
+
+    A rule with several clauses about one variable is not MATLAB's; the last of them is written.
+    """
     path = Path(path)
     outputs: list[tuple[Variable | Conclusions, list[str]]]
     if isinstance(system, Sugeno):

@@ -120,7 +120,8 @@ class Bell(AbstractMembership):
     def degree(self, value: Array, softness: Softness = None) -> Array:
         away = jnp.abs(value - self.centre) / jnp.maximum(jnp.abs(self.width), _NARROW)
         # At the centre the logarithm has no value, and a flat bell no gradient.
-        return 1.0 / (1.0 + jnp.exp(2.0 * self.slope * jnp.log(jnp.clip(away, 1e-9, 1e9))))
+        # Beyond e^60 the degree is 0 in double precision; its square must stay finite for the gradient.
+        return 1.0 / (1.0 + jnp.exp(jnp.clip(2.0 * self.slope * jnp.log(jnp.clip(away, 1e-9, 1e9)), -60.0, 60.0)))
 
 
 class Sigmoidal(AbstractMembership):

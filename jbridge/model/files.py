@@ -96,7 +96,7 @@ def requires(model: Model, axes: Collection[str]) -> None:
         missing = [key for key in keys if key not in model.given]
         if missing and needing & set(axes):
             Where(model.source or "the model").within("[bridge]").refuse(
-                f"no {' and no '.join(missing)}, but the recordings show {part};"
+                f"no {' and no '.join(missing)}, but there is {part} to move;"
                 f" add {' and '.join(f'{key} = ...' for key in missing)} (a guess will do unless it is named in known)"
             )
 

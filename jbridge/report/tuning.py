@@ -16,6 +16,7 @@ from ..summaries import UNITS
 from ..tuning.tune import Tuning
 from .figures.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
 from .figures.style import Picture
+from .figures.tracking import draw_positions
 from .files import PathLike, make_folder, write_bytes, write_text
 from .html import element, page, section, show_all, table, tag
 from .quantities import digits
@@ -37,8 +38,8 @@ _SHOWN_ERROR = 0.2
 _COURSES = {"train": "tuned on", "held_out": "held out"}
 _EXPLAINED = (
     "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
-    "1 cm of the goal for good, counted from the move's start; a move that does not settle counts as longer than all. "
-    "Held-out bridges and moves took no part in the tuning."
+    "1 cm of the goal for the last half second at least, counted from the move's start; a move that does not settle "
+    "counts as longer than all. Held-out bridges and moves took no part in the tuning."
 )
 
 
@@ -87,7 +88,9 @@ def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     ]
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
-        lines += [f"Report      {Path(folder) / 'tune.html'}", f"            {Path(folder) / 'controller.toml'}"]
+        lines += [f"Report      {Path(folder) / 'tune.html'}"]
+        if isinstance(tuning.controller.law, FuzzyController):
+            lines += [f"            {Path(folder) / 'controller.toml'}"]
     return "\n".join(lines) + "\n"
 
 
@@ -102,11 +105,20 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
             {key: (f"{SHOWN[key][0]} [{SHOWN[key][1]}]", SHOWN[key][2]) for key in _DRAWN},
             "How many of them stay below a value; a line that ends below 100 % has moves that never settle.",
         ),
+        _responses(tuning),
         draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
     ]
     for axis in ("cart", "hoist"):
         pictures += changed_pictures(axis, before, after)
     return tuple(pictures)
+
+
+def _responses(tuning: Tuning) -> Picture:
+    given, tuned = tuning.responses
+    wanted = {"t": given["t"], "x": given["x_ref"], "l": given["l_ref"]}
+    return draw_positions(
+        "response", "The first move, on the model itself", wanted, {"as given": given, "tuned": tuned}, volts=True
+    )
 
 
 def changed_pictures(axis: str, before: AbstractController, after: AbstractController, of: str = "") -> list[Picture]:

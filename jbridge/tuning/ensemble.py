@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from ..collect import AbstractCollector, Everything
 from ..control.base import AbstractController, Reference
 from ..loop import closed_loop, periods_remembered
-from ..model.effects.base import CART, CART_DRIVE, HOIST, HOIST_DRIVE, SWING
+from ..model.effects.base import AbstractFriction
 from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
-from ..model.effects.friction import CoulombFriction, PositionDependentFriction, PositionDirectionFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..signals import Path, along, durations
@@ -25,7 +24,6 @@ from .objectives import Leg
 _along = jax.jit(along)
 _STEP = 0.005
 """Longest integration step [s]; with a hidden coordinate half of it."""
-_FRICTION = (CoulombFriction.kind, PositionDependentFriction.kind, PositionDirectionFriction.kind)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,11 +31,26 @@ class Scatter:
     """How far an ensemble's bridges lie from the model, as shares of its own numbers."""
 
     friction: float = 1 / 3
-    """Levels of dry friction and the damping, axis by axis."""
+    """Levels of all dry friction and the damping, axis by axis."""
     load_mass: float = 0.5
     dead_zone: float = 0.3
     lag: float = 0.3
     delay: float = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Region:
+    """Where moves begin and end."""
+
+    rail: tuple[float, float]
+    """Lowest and highest place of the cart [m]."""
+    rope: tuple[float, float]
+    """Shortest and longest rope [m]."""
+
+
+PAPER_REGION = Region((0.0, 1.2), (0.185, 0.7))
+_APART = 0.25
+"""Least way of a random move, as a share of the rail."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,28 +86,30 @@ def random_legs(
     seed: int,
     *,
     bridges: int | None = None,
+    region: Region = PAPER_REGION,
     seconds: float = 10.0,
     speed: tuple[float, float] = (0.3, 0.2),
 ) -> Legs:
-    """Moves between random places of a rail of 1.2 m and rope lengths of 0.185 to 0.7 m, at least 0.3 m apart.
+    """Moves between random places and rope lengths, at least a quarter of the rail apart.
 
     Args:
         count: moves of a bridge.
         seed: of the draw.
         bridges: how many bridges get moves of their own; None for moves that all of them make.
+        region: where to move.
         seconds: length of every move [s].
         speed: largest speeds of the reference's cart and rope [m/s].
     """
     if bridges is not None:
-        every = random_legs(count * bridges, seed, seconds=seconds, speed=speed)
+        every = random_legs(count * bridges, seed, region=region, seconds=seconds, speed=speed)
         shape = (bridges, count, 2)
         return Legs(every.start.reshape(shape), every.goal.reshape(shape), speed, seconds)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, 1])  # not the numbers from which bridges are drawn
     starts: list[NDArray[np.float64]] = []
     goals: list[NDArray[np.float64]] = []
     while len(starts) < count:
-        a, b = (np.array([rng.uniform(0.0, 1.2), rng.uniform(0.185, 0.7)]) for _ in range(2))
-        if abs(a[0] - b[0]) >= 0.3:
+        a, b = (np.array([rng.uniform(*region.rail), rng.uniform(*region.rope)]) for _ in range(2))
+        if abs(a[0] - b[0]) >= _APART * (region.rail[1] - region.rail[0]):
             starts.append(a)
             goals.append(b)
     return Legs(np.array(starts), np.array(goals), speed, seconds)
@@ -138,21 +153,17 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
     for name in ("cart_damping", "swing_damping", "hoist_damping"):
         spread(table.positions(name), scatter.friction)
     spread(table.positions("load_mass"), scatter.load_mass)
-    groups: dict[tuple[str, str], list[int]] = {}
-    for place in range(table.size):
-        entry = table.entry(place)
-        if entry.owner >= 0 and entry.info.fitted:
-            kind, _, rest = entry.group.partition("@")
-            groups.setdefault((kind, rest.split(".")[0].split("#")[0]), []).append(place)
-    shares = {
-        **{(kind, site): scatter.friction for kind in _FRICTION for site in (CART, SWING, HOIST)},
-        **{(DeadZone.kind, site): scatter.dead_zone for site in (CART_DRIVE, HOIST_DRIVE)},
-        **{(ActuatorLag.kind, site): scatter.lag for site in (CART_DRIVE, HOIST_DRIVE)},
-        **{(InputDelay.kind, site): scatter.delay for site in (CART_DRIVE, HOIST_DRIVE)},
-    }
-    for key, places in groups.items():
-        if key in shares:
-            spread(places, shares[key])
+    for share, family, unit in (
+        (scatter.friction, AbstractFriction, "{force}"),
+        (scatter.dead_zone, DeadZone, ""),
+        (scatter.lag, ActuatorLag, ""),
+        (scatter.delay, InputDelay, ""),
+    ):
+        for owner, effect in enumerate(plant.effects):
+            if isinstance(effect, family):
+                entries = (table.entry(place) for place in range(table.size))
+                own = [place for place, e in enumerate(entries) if e.owner == owner and e.info.unit.startswith(unit)]
+                spread([place for place in own if table.entry(place).info.fitted], share)
     factors[0] = 1.0
     return base * factors
 

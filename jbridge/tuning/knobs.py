@@ -18,7 +18,9 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController
+from ..control.compensation import Compensation
 from ..control.fuzzy import FuzzyController
+from ..errors import InputError
 from ..fuzzy.inference import Mamdani
 from ..fuzzy.membership import Gaussian, Trapezoidal, Triangular
 from ..fuzzy.rules import Variable
@@ -72,11 +74,30 @@ class PositiveKnobs(AbstractKnobs):
     def __init__(self, law: AbstractController, names: tuple[str, ...]):
         self._law = law
         self._names = tuple(name for name in names if float(getattr(law, name)) != 0.0)
-        self.knobs = tuple(Knob(name, -2 * _GAP, 2 * _GAP, _COARSE) for name in self._names)
+        knobs = [Knob(name, -2 * _GAP, 2 * _GAP, _COARSE) for name in self._names]
+        self._shares = _gives_back(getattr(law, "compensation", None))
+        self.knobs = (*knobs, *(_compensation_knobs() if self._shares else ()))
 
     def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
-        values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, coordinates, strict=True)]
-        return eqx.tree_at(lambda law: [getattr(law, name) for name in self._names], self._law, values)
+        own = coordinates[: len(self._names)]
+        values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, own, strict=True)]
+        law = eqx.tree_at(lambda law: [getattr(law, name) for name in self._names], self._law, values)
+        return _compensated(law, coordinates[len(self._names) :]) if self._shares else law
+
+
+def _gives_back(compensation: Compensation | None) -> bool:
+    return compensation is not None and (float(compensation.cart) != 0.0 or float(compensation.hoist) != 0.0)
+
+
+def _compensation_knobs() -> tuple[Knob, ...]:
+    return tuple(Knob(f"{axis}.compensation", -_GAP, _MOST_GIVEN_BACK) for axis in ("cart", "hoist"))
+
+
+def _compensated(law: Any, coordinates: Float[Array, " axis"]) -> Any:
+    """The law with more or less given back of what friction and dead zones take."""
+    share = jnp.exp(coordinates)
+    more = [law.compensation.cart * share[0], law.compensation.hoist * share[1]]
+    return eqx.tree_at(lambda law: [law.compensation.cart, law.compensation.hoist], law, more)
 
 
 class FuzzyKnobs(AbstractKnobs):
@@ -95,7 +116,7 @@ class FuzzyKnobs(AbstractKnobs):
         for axis in ("cart", "hoist"):
             system = getattr(law, axis)
             if not isinstance(system, Mamdani):
-                raise TypeError(f"only Mamdani systems are tuned, not a {type(system).__name__}")
+                raise InputError(f"the {axis}'s fuzzy system is a {type(system).__name__}'s; only Mamdani's are tuned")
             for role in ("inputs", "outputs") if sets else ():
                 for place, variable in enumerate(getattr(system, role)):
                     found = _VariableKnobs(variable)
@@ -104,9 +125,9 @@ class FuzzyKnobs(AbstractKnobs):
                     knobs += [Knob(f"{axis}.{variable.name}.{name}", -_GAP, _GAP) for name in found.names]
         self._scales = len(knobs)
         knobs += [Knob(f"{axis}.scale", -_GAP, _GAP, _COARSE) for axis in ("cart", "hoist")]
-        self._shares = len(knobs) if law.compensation is not None else None
-        if law.compensation is not None:
-            knobs += [Knob(f"{axis}.compensation", -_GAP, _MOST_GIVEN_BACK) for axis in ("cart", "hoist")]
+        self._shares = len(knobs) if _gives_back(law.compensation) else None
+        if self._shares is not None:
+            knobs += _compensation_knobs()
         self._weights = len(knobs) if weights else None
         if weights:
             for axis in ("cart", "hoist"):
@@ -128,12 +149,7 @@ class FuzzyKnobs(AbstractKnobs):
             (law.cart_scale * scale[0], law.hoist_scale * scale[1]),
         )
         if self._shares is not None:
-            share = jnp.exp(coordinates[self._shares : self._shares + 2])
-            law = eqx.tree_at(
-                lambda law: [law.compensation.cart, law.compensation.hoist],
-                law,
-                [law.compensation.cart * share[0], law.compensation.hoist * share[1]],
-            )
+            law = _compensated(law, coordinates[self._shares : self._shares + 2])
         if self._weights is not None:
             begin = self._weights
             for axis in ("cart", "hoist"):

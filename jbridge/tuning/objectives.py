@@ -1,7 +1,7 @@
 """What a move is judged by, as functions with gradients: error, settling, swing, overshoot, effort, chatter.
 
 Where a measure counts (time outside a band, say), the count is blurred over a fraction of the band, so that it has a
-slope; what is reported about a tuned controller is measured anew by `control.measures`.
+slope; what is reported about a tuned controller is measured anew by `summaries`.
 """
 
 import abc
@@ -87,7 +87,7 @@ class Settling(AbstractObjective):
 
 
 class ResidualSwing(AbstractObjective):
-    """Root mean square of the swing angle once the reference has come to rest."""
+    """Root mean square of the swing angle over the last quarter of the rest."""
 
     name: ClassVar[str] = "residual_swing"
     unit: ClassVar[str] = "rad"

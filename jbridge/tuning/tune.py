@@ -5,16 +5,19 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
 from numpy.typing import NDArray
 
+from ..control.base import AbstractController
 from ..control.files import Controller
 from ..errors import InputError
 from ..model.files import Model, requires
-from .cost import Cost, measure
-from .ensemble import Course, Legs, Scatter, mixed_legs, random_legs, scattered
+from ..signals import Path
+from .cost import Cost, Measure
+from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, mixed_legs, random_legs, scattered
 from .knobs import AbstractKnobs, knobs_of
 from .objectives import Goal, usual_goal
 
@@ -45,15 +48,16 @@ class Tuning:
     coordinates: Mapping[str, float]
     """How far each number was moved, as a logarithm (0: not at all)."""
     history: NDArray[np.float64]
-    """Smooth cost after each step of the start that won."""
+    """Smooth cost before each step of the start that went on to the end."""
     softness: NDArray[np.float64]
     """Softness of each step."""
     costs: Mapping[str, tuple[float, float]]
     """Cost with the textbook's inference, before and after: `train` and `held_out`."""
     measures: Mapping[str, tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]]
     """The same by name, `(bridge, move)`, before and after, units as in `summaries.UNITS`."""
-    train: Legs
-    held_out: Legs
+    responses: tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]
+    """First move of the model itself, before and after: `t` [s], `x`, `psi`, `l` [m, rad, m], `u_x`, `u_l` [V], and the
+    reference's `x_ref`, `l_ref` [m]."""
     rollouts: int
     """Simulated moves, gradients counted once."""
     seconds: float
@@ -65,6 +69,8 @@ def tune(
     *,
     goal: Goal | None = None,
     legs: Legs | None = None,
+    region: Region | None = None,
+    prepare: Callable[[Path], Path] | None = None,
     plants: int = 64,
     held_out: int = 64,
     steps: int = 200,
@@ -79,7 +85,10 @@ def tune(
         model: in the middle of the ensemble, with all three axes.
         controller: what is tuned: a fuzzy controller's sets, scales and rule weights, or another law's gains.
         goal: what is to be small; `objectives.usual_goal` by default.
-        legs: moves to learn from; by default two for every bridge, one of the paper's and one of its own.
+        legs: moves to learn from; by default two for every bridge, one of the paper's and one of its own, or two of
+            its own if there is a region.
+        region: where random moves begin and end, held-out ones among them; by default where the paper's do.
+        prepare: what is done to a reference before a controller sees it (`control.shaping.shaped`).
         plants: bridges to learn from, the model itself among them.
         held_out: further bridges, on which random other moves are made; they choose nothing.
         steps: gradient steps.
@@ -96,30 +105,37 @@ def tune(
     begun = time.perf_counter()
     tell = progress or (lambda text: None)
     requires(model, ("x", "psi", "l"))
-    if min(plants, held_out, steps, starts) < 1:
-        raise InputError("plants, held_out, steps and starts must be at least 1")
-    legs = mixed_legs(plants, seed) if legs is None else legs
+    if min(plants, held_out, steps, starts) < 1 or seed < 0:
+        raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
+    if legs is None:
+        legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     knobs = knobs_of(controller.law)
     period = controller.period
-    course = Course(model.plant, scattered(model.plant, plants, seed, scatter), legs, period)
+    course = Course(model.plant, scattered(model.plant, plants, seed, scatter), legs, period, prepare)
     others = Course(
         model.plant,
         scattered(model.plant, held_out + 1, seed + 1, scatter)[1:],
-        random_legs(_HELD_OUT_MOVES, seed + 1, bridges=held_out, seconds=legs.seconds, speed=legs.speed),
+        random_legs(
+            _HELD_OUT_MOVES,
+            seed + 1,
+            bridges=held_out,
+            region=region or PAPER_REGION,
+            seconds=legs.seconds,
+            speed=legs.speed,
+        ),
         period,
+        prepare,
     )
-    cost = Cost(course, knobs, goal or usual_goal())
-    far = Cost(others, knobs, goal or usual_goal())
+    cost = Cost(course, goal or usual_goal(), knobs)
+    far = Cost(others, goal or usual_goal(), knobs)
     z, history, softness, rollouts = _descend(cost, knobs, steps, starts, seed, tell)
     tell("measuring on other bridges and moves")
     none = np.zeros_like(z)
     costs = {"train": (cost.hard(none), cost.hard(z)), "held_out": (far.hard(none), far.hard(z))}
     tuned = knobs.set(jnp.asarray(z))
     given = knobs.set(jnp.asarray(none))
-    measures = {
-        name: (measure(where, given), measure(where, tuned))
-        for name, where in (("train", course), ("held_out", others))
-    }
+    judges = {"train": Measure(course), "held_out": Measure(others)}
+    measures = {name: (judge(given), judge(tuned)) for name, judge in judges.items()}
     return Tuning(
         Controller(tuned, period, controller.source),
         controller,
@@ -128,11 +144,17 @@ def tune(
         softness,
         costs,
         measures,
-        legs,
-        others.legs,
+        (_response(course, given), _response(course, tuned)),
         rollouts,
         time.perf_counter() - begun,
     )
+
+
+def _response(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:
+    run = jax.jit(course.run)(law, jnp.asarray(course.rows[0]), jax.tree.map(lambda leaf: leaf[0, 0], course.moves))
+    columns = {"t": run.times, "x": run.q.x, "psi": run.q.psi, "l": run.q.l}
+    columns |= {"u_x": run.command[:, 0], "u_l": run.command[:, 1], "x_ref": run.reference.x, "l_ref": run.reference.l}
+    return {name: np.asarray(values) for name, values in columns.items()}
 
 
 def common_slope(slopes: NDArray[np.float64]) -> NDArray[np.float64]:

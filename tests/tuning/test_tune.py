@@ -19,9 +19,11 @@ from jbridge.loop import Response
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
+from jbridge.signals import smooth_path
+from jbridge.tracking import track
 from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
-from jbridge.tuning.ensemble import Course, Legs, Scatter, mixed_legs, paper_legs, random_legs, scattered
+from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
 from jbridge.tuning.linearise import linear_model
 from jbridge.tuning.objectives import (
@@ -95,6 +97,35 @@ def test_bridges_scatter_as_told():
         assert share == 0.0 or np.abs(factors - 1).max() > 0.9 * share
 
 
+@pytest.mark.parametrize("law", [
+    ("coulomb_friction", "cart", {"level": 3.0}),
+    ("stribeck_friction", "cart", {"level": 2.0, "breakaway": 3.0, "velocity": 0.02}),
+    ("direction_dependent_friction", "hoist", {"positive": 2.0, "negative": 3.0}),
+    ("position_direction_friction", "cart", {"knots": [0.0, 1.2], "positive": [1.0, 3.0], "negative": [2.0, 4.0]}),
+], ids=lambda law: law[0])  # fmt: skip
+def test_every_law_of_dry_friction_is_scattered(law):
+    """Its levels together, by up to a third, and nothing else of it."""
+    plant = make_plant(law)
+    rows, table = scattered(plant, 100, 3), ParameterTable(plant)
+    kind, site, values = law
+    for key in values:
+        places = table.positions(f"{kind}@{site}.{key}")
+        factors = rows[:, places] / np.array(table.ravel(plant))[places].clip(1e-12)
+        if key in ("knots", "velocity"):
+            assert np.ptp(rows[:, places], axis=0).max() == 0.0
+        else:
+            assert np.ptp(factors, axis=1).max() < 1e-9 and 0.5 < np.ptp(factors[:, 0]) < 0.67
+
+
+def test_random_moves_stay_in_their_region():
+    region = Region((-0.3, 0.4), (0.3, 0.5))
+    legs = random_legs(30, 1, bridges=4, region=region)
+    for ends in (legs.start, legs.goal):
+        assert ends[..., 0].min() > -0.3 and ends[..., 0].max() < 0.4
+        assert ends[..., 1].min() > 0.3 and ends[..., 1].max() < 0.5
+    assert np.abs(legs.start[..., 0] - legs.goal[..., 0]).min() >= 0.25 * 0.7
+
+
 def test_moves_are_the_papers_or_random():
     np.testing.assert_array_equal(paper_legs().goal, [[1.2, 0.6], [0.5, 0.3]])
     legs = random_legs(20, 4)
@@ -117,21 +148,21 @@ def test_every_bridge_may_have_moves_of_its_own():
     assert found["itae_x"].shape == (2, 3)
     assert found["itae_x"][1, 2] == pytest.approx(wanted["itae_x"][0, 0], rel=1e-9)
     assert course.path(2, 1).x[0] == own.start[1, 2, 0]
-    cost, one = (Cost(c, knobs_of(PID), Goal((Effort(),), (1.0,))) for c in (course, single))
+    cost, one = (Cost(c, Goal((Effort(),), (1.0,)), knobs_of(PID)) for c in (course, single))
     assert cost.count == 6
     efforts = found["effort_x"] + found["effort_l"]
-    assert cost.hard(np.zeros(6)) == pytest.approx(efforts.mean(), rel=1e-9)
-    assert one.hard(np.zeros(6)) == pytest.approx(efforts[1, 2], rel=1e-9)
+    assert cost.hard(np.zeros(8)) == pytest.approx(efforts.mean(), rel=1e-9)
+    assert one.hard(np.zeros(8)) == pytest.approx(efforts[1, 2], rel=1e-9)
 
 
 @pytest.fixture(scope="module")
 def pid_cost():
     course = Course(PLANT, scattered(PLANT, 3, 0), SHORT, 0.02)
-    return Cost(course, knobs_of(PID), usual_goal())
+    return Cost(course, usual_goal(), knobs_of(PID))
 
 
 def test_the_gradient_is_that_of_the_cost(pid_cost):
-    z = np.array([0.1, -0.2, 0.3, 0.1, -0.1, 0.2])
+    z = np.array([0.1, -0.2, 0.3, 0.1, -0.1, 0.2, -0.1, 0.1])
     values, slopes = pid_cost.gradients(z, 0.1)
     value, slope = values.mean(), slopes.mean(axis=0)
     assert len(values) == pid_cost.count == 3 and value == pytest.approx(
@@ -148,8 +179,8 @@ def test_blocks_do_not_matter(pid_cost, monkeypatch):
     from jbridge.tuning import cost
 
     monkeypatch.setattr(cost, "_ABREAST", 1)
-    single = Cost(pid_cost.course, knobs_of(PID), usual_goal())
-    z = np.full(6, 0.1)
+    single = Cost(pid_cost.course, usual_goal(), knobs_of(PID))
+    z = np.full(8, 0.1)
     assert single.hard(z) == pytest.approx(pid_cost.hard(z), rel=1e-9)
 
 
@@ -171,24 +202,41 @@ def test_tuning_makes_a_law_better_and_the_same_twice():
 def test_measures_agree_with_those_of_one_run():
     """Against `control.measures`, which takes the samples themselves."""
     course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
-    found = measure(course, PID)
+    firm = dataclasses.replace(PID, cart_p=jnp.asarray(40.0), cart_i=jnp.asarray(0.0), hoist_i=jnp.asarray(0.0))
+    long = dataclasses.replace(SHORT, seconds=12.0)
+    course = Course(PLANT, scattered(PLANT, 2, 0), long, 0.02)
+    found = measure(course, firm)
     path = course.path(0)
-    one = course.run(PID, jnp.asarray(course.rows[1]), jax.tree.map(lambda leaf: leaf[1, 0], course.moves))
+    one = course.run(firm, jnp.asarray(course.rows[1]), jax.tree.map(lambda leaf: leaf[1, 0], course.moves))
     position = np.stack([np.asarray(a) for a in one.q.axes], axis=1)
     (told,) = moves(path.times, np.stack([path.x, path.l], 1), position, np.asarray(one.command))
     assert found["itae_x"][1, 0] == pytest.approx(told.itae["x"], rel=0.02)
     assert found["residual_swing"][1, 0] == pytest.approx(told.residual_swing, rel=1e-9)
-    settled = found["settling_load"][1, 0]
-    assert (np.isnan(settled) and told.settling_time["load"] is None) or settled == pytest.approx(
-        told.settling_time["load"], abs=0.021
-    )
+    for name in ("x", "l", "load"):
+        assert told.settling_time[name] is not None
+        assert found[f"settling_{name}"][1, 0] == pytest.approx(told.settling_time[name], abs=0.021)
+
+
+def test_a_loop_that_runs_away_has_not_settled():
+    """Where positions are no numbers any more, nothing is near."""
+    wrong = dataclasses.replace(PID, hoist_p=jnp.asarray(-40.0))
+    found = measure(Course(PLANT, scattered(PLANT, 2, 0), dataclasses.replace(SHORT, seconds=4.0), 0.02), wrong)
+    assert np.isnan(found["itae_l"]).any()
+    lost = np.isnan(found["itae_l"])
+    assert np.isnan(found["settling_load"][lost]).all() and np.isnan(found["settling_l"][lost]).all()
+    with pytest.raises(InputError, match="runs away .* s after its start"):
+        track(
+            MODEL,
+            Controller(wrong, 0.02),
+            smooth_path([(0.2, 0.4), (0.5, 0.5)], speed=(0.3, 0.2), rest=3.0, period=0.02),
+        )
 
 
 @pytest.mark.slow
 def test_the_smooth_fuzzy_loop_has_the_gradient_of_its_cost():
     course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
     knobs = FuzzyKnobs(paper_controller())
-    cost = Cost(course, knobs, usual_goal())
+    cost = Cost(course, usual_goal(), knobs)
     z = 0.1 * np.random.default_rng(0).standard_normal(len(knobs.knobs))
     slope = cost.gradients(z, 0.3)[1].mean(axis=0)
     rng = np.random.default_rng(1)
