@@ -41,4 +41,4 @@ def _dry_friction(plant: Plant, site: str) -> float:
     laws = [effect for effect in plant.effects if isinstance(effect, AbstractFriction) and effect.site == site]
     still, places = jnp.zeros(()), jnp.asarray(_PLACES[site])
     both = [jnp.stack(jax.vmap(lambda q, law=law: law.levels(still, q, still))(places)) for law in laws]
-    return sum(float(jnp.mean(levels)) for levels in both)
+    return sum((float(jnp.mean(levels)) for levels in both), start=0.0)
