@@ -25,7 +25,7 @@ from tests import report_cases as cases
 VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
     "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
-    "bridge", "settings", "seconds", "trials", "warnings", "notes",
+    "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued",
 }  # fmt: skip
 HOSTILE = '<script>alert("&")</script>.csv'
 
@@ -64,6 +64,8 @@ def test_report_has_every_key(case):
             assert rival.keys() == {"kind", "site", "probability", "parameters", "holdout"}
     for estimate in report["bridge"].values():
         assert estimate.keys() == {"value", "std", "low", "high", "unit"}
+    for row in report["not_seen"]:
+        assert row.keys() == {"kind", "site", "parameter", "limit", "unit", "change", "notable", "statement"}
     fit = report["fit"]
     assert fit["train"].keys() == fit["holdout"].keys() == fit["window"]["holdout"].keys() == {"before", "after"}
     assert fit["window"]["seconds"] == 2.0
@@ -75,7 +77,11 @@ def test_report_keeps_numbers_in_si():
     assert report["fit"]["holdout"]["before"] == {"x": 0.0257, "psi": 0.034, "l": 6.2e-5}
     assert report["location"]["where"][1] == {"variable": "v_x", "low": -0.05, "high": 0.05, "share": 0.48}
     assert report["effects"][1]["parameters"]["knots"]["value"] == cases.KNOTS
-    assert report["next_experiment"]["input"] == "next_experiment.csv"
+    experiment = report["next_experiment"]
+    assert experiment["input"] == "next_experiment.csv" and experiment["expected_wrong"] == 0.013
+    assert experiment["start"] == {"x": 0.75, "psi": 0.0, "l": 0.6}
+    assert report["not_seen"][1]["limit"] == 0.02 and report["not_seen"][0]["limit"] is None
+    assert [row["kind"] for row in report["continued"]["before"]] == ["dead_zone", "stribeck_friction"]
 
 
 def test_unknown_numbers_are_null():

@@ -16,6 +16,8 @@ from ..model.plant import Plant
 
 WRONG_VALUE = "wrong_value"
 """The kind of the commonest cause of all: a known number that is wrong. Its site is the parameter's name."""
+ABSENT_WHEN_LARGE = ("stiffness", "limit")
+"""Parameters that leave an effect out when they grow."""
 _RIVAL_NUMBERS = ("cart_mass", "load_mass", "winch_mass")
 """Known numbers that a rig's owner may have wrong. Gravity is not among them."""
 

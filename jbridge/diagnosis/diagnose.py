@@ -31,6 +31,7 @@ from .adequacy import (
 )
 from .curve import force_without_a_name
 from .holdout import split_off
+from .limits import not_seen
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, NamedEffect
 from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
@@ -160,6 +161,8 @@ def diagnose(
         tuple(r.name for r in setting.holdout),
         shown,
         trials_of(steps, explained.refused),
+        not_seen(search, state),
+        None,
         None,
         tuple(warnings(table, final_vector, final_free, cov)),
         tuple(dict.fromkeys(notes)),

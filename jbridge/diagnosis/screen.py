@@ -70,7 +70,7 @@ class Screen:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Normal:
+class Normal:
     """Normal equations of base parameters and all null candidates, by lane, initial states eliminated."""
 
     matrix: NDArray[np.float64]
@@ -79,12 +79,12 @@ class _Normal:
     count: NDArray[np.float64]
     """Measured values of each lane."""
 
-    def over(self, lanes: NDArray[np.bool_]) -> "_Sum":
-        return _Sum(self.matrix[lanes].sum(axis=0), self.gradient[lanes].sum(axis=0), float(self.cost[lanes].sum()))
+    def over(self, lanes: NDArray[np.bool_]) -> "Sum":
+        return Sum(self.matrix[lanes].sum(axis=0), self.gradient[lanes].sum(axis=0), float(self.cost[lanes].sum()))
 
 
 @dataclasses.dataclass(frozen=True)
-class _Sum:
+class Sum:
     """Normal equations summed over some lanes."""
 
     matrix: NDArray[np.float64]
@@ -136,15 +136,9 @@ def screen(
     numbers = [c for c in found if c.kind == WRONG_VALUE]
     base = len(free)
     width = columns_for(base + len(extra))
-    gram = engine.gram(
-        vector[None], np.concatenate([free, extra])[None], initial[None], batch, columns=width, keep=True
-    )
-    assert gram.tangents is not None
-    columns = candidate_columns(engine.table, vector, batch, initial, effects)
-    columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
+    gram, columns = tangents(engine, batch, vector, free, extra, initial, effects)
     everything = [*effects, *numbers]
-    _correct_locked(everything, columns, gram.tangents[0, :, width + 2], batch, initial)
-    normal = _normal_equations(gram, batch, initial, base, width, columns)
+    normal = normal_equations(gram, batch, initial, base, width, columns)
     low_all, high_all = engine.table.bounds()
     whole = normal.over(np.ones(batch.count, bool))
     names = tuple(engine.table.entry(int(place)).name for place in free)
@@ -172,6 +166,32 @@ def screen(
     return Screen(ranked, learnable)
 
 
+def tangents(
+    engine: Engine,
+    batch: Batch,
+    vector: NDArray[np.float64],
+    free: NDArray[np.int64],
+    extra: NDArray[np.int64],
+    initial: NDArray[np.float64],
+    effects: Sequence[Candidate],
+) -> tuple[Gram, list[NDArray[np.float64]]]:
+    """The base model's own tangents, and weighted tangents of the readings for effects, then for known numbers.
+
+    Args:
+        engine, batch, vector, free, extra, initial: as `screen` has them.
+        effects: candidates without a hidden coordinate, wrong values left out.
+    """
+    base = len(free)
+    width = columns_for(base + len(extra))
+    places = np.concatenate([free, extra])[None]
+    gram = engine.gram(vector[None], places, initial[None], batch, columns=width, keep=True)
+    assert gram.tangents is not None
+    columns = candidate_columns(engine.table, vector, batch, initial, effects)
+    correct_locked(effects, columns, gram.tangents[0, :, width + 2], batch, initial)
+    columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
+    return gram, columns
+
+
 def _edges(
     candidate: Candidate, engine: Engine, vector: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -196,7 +216,7 @@ def _edges(
     return np.array(at), np.array(low), np.array(high)
 
 
-def _correct_locked(
+def correct_locked(
     everything: Sequence[Candidate],
     columns: list[NDArray[np.float64]],
     by_length: NDArray[np.float64],
@@ -215,14 +235,14 @@ def _correct_locked(
             columns[i][lane] = 0.0 if factor is None else factor[lane] * by_length[lane]
 
 
-def _normal_equations(
+def normal_equations(
     gram: Gram,
     batch: Batch,
     initial: NDArray[np.float64],
     base: int,
     width: int,
     columns: Sequence[NDArray[np.float64]],
-) -> _Normal:
+) -> Normal:
     assert gram.tangents is not None
     weight = np.asarray(batch.lanes.weight)
     residual = ((gram.predicted[0] - np.asarray(batch.lanes.y)) * weight).reshape(batch.count, -1)
@@ -243,10 +263,10 @@ def _normal_equations(
         matrix[lane], gradient[lane] = full.by_lane[0], full.gradient_by_lane[0]
         cost[lane] = products[-1, -1]
     count = (weight > 0).reshape(batch.count, -1).sum(axis=1).astype(float)
-    return _Normal(matrix, gradient, cost, count)
+    return Normal(matrix, gradient, cost, count)
 
 
-def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) -> float:
+def _learnable(normal: Normal, groups: list[tuple], batch: Batch, base: int) -> float:
     """Share of the excess over noise that explanations chosen on the other recordings predict."""
     names = np.unique(batch.recording[batch.recording >= 0])
     # A share of next to nothing would mean nothing.
@@ -263,7 +283,7 @@ def _learnable(normal: _Normal, groups: list[tuple], batch: Batch, base: int) ->
     return float(np.clip(removed / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 
-def _greedy(others: _Sum, groups: list[tuple], base: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+def _greedy(others: Sum, groups: list[tuple], base: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
     """Explanations added one after the other while they pay for their parameters: columns and step."""
     current: tuple | None = None
     result = None
