@@ -124,6 +124,19 @@ class NextExperiment:
 
 
 @dataclasses.dataclass(frozen=True)
+class Former:
+    """What an earlier diagnosis left open."""
+
+    explanations: tuple[Mapping[str, object], ...]
+    """`kind`, `site` and `probability` of everything that was named or could not be told from it."""
+
+    @property
+    def names(self) -> frozenset[tuple[str, str]]:
+        """Kind and site of each."""
+        return frozenset((str(row["kind"]), str(row["site"])) for row in self.explanations)
+
+
+@dataclasses.dataclass(frozen=True)
 class Continued:
     """What a diagnosis was continued from, and what has become of it."""
 

@@ -9,7 +9,7 @@ import jax
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
-from .candidates import Candidate
+from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, prune, simplify
 from .screen import Screen
@@ -191,6 +191,11 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     strong = any(t.cost < STRONG * state.cost for t in trials)
     if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
         trials += mechanisms(search, state)
+    done = {t.candidate.name for t in trials} | {accepted.name for accepted in state.accepted}
+    for name in sorted(search.insist - done):
+        # An earlier diagnosis could not rule it out, so it must be compared, not only left out.
+        if has_hidden_state(name[0]):
+            trials += mechanisms(search, state, name)
     return screened, sorted(trials, key=lambda t: t.score)
 
 

@@ -9,7 +9,7 @@ from ..model.effects.base import SITES, parameters_of, unit_at
 from ..model.effects.catalogue import CATALOGUE
 from .adequacy import LARGE
 from .candidates import ABSENT_WHEN_LARGE, WRONG_VALUE, Candidate
-from .names import kind_name, site_name, spaced
+from .names import explanation_name, site_name, spaced
 from .result import Channel, Location, NamedEffect, Rival
 
 _CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
@@ -105,15 +105,9 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
         detail = f" ({', '.join(numbers)})" if numbers else ""
         text = f"{what[0].upper()}{what[1:]}{detail}."
     if rivals:
-        others = " or ".join(_at(r) for r in rivals)
+        others = " or ".join(explanation_name(r.kind, r.site) for r in rivals)
         text += f" These recordings cannot tell it from {others}."
     return text
-
-
-def _at(explanation: NamedEffect | Rival) -> str:
-    if explanation.kind == WRONG_VALUE:
-        return f"a wrong value of the {spaced(explanation.site)}"
-    return f"{kind_name(explanation.kind)} at the {site_name(explanation.site)}"
 
 
 def _times(ratio: float) -> str:
@@ -181,7 +175,7 @@ def verdict_sentence(
         names = [
             f"the {spaced(e.site)}, which comes out as {quantity(e.parameters['value'])}"
             if e.kind == WRONG_VALUE
-            else _at(e)
+            else explanation_name(e.kind, e.site)
             for e in effects
         ]
         # Names that carry a clause of their own need a stronger mark between them.
