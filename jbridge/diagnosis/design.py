@@ -13,15 +13,15 @@ from .names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of
 from .result import NextExperiment
-from .separate import Contender, as_recording, separations, start_length
+from .separate import Contender, as_recording, guess, separations, start_length
 
 _MOST_PLAYS = 36
 _BEST = 2
 """Inputs of the library whose variants are tried, too."""
 _LEAST = 1e-3
 """No chance of a wrong decision is called smaller: no model is a rig."""
-_HARDLY = 0.3
-"""Chance of a wrong decision from which the owner is told that the input hardly decides."""
+_HARDLY = 0.7
+"""Chance of a wrong decision, over that without the input, from which the owner is told that it hardly decides."""
 
 
 def next_experiment(
@@ -43,7 +43,8 @@ def next_experiment(
         return None
     found += separations([v for play in best for v in variants(play, reach)], contenders, setting, reach)
     chosen = min(found, key=lambda s: s.log_wrong)
-    wrong = float(np.clip(np.exp(chosen.log_wrong), _LEAST, 1.0 - 1.0 / len(contenders)))
+    today = guess(contenders)
+    wrong = float(np.clip(np.exp(chosen.log_wrong), _LEAST, today))
     recording = as_recording(chosen.play, reach, setting)
     columns = {name: getattr(recording, name) for name in reach.drives}
     names = tuple(explanation_name(c.kind, c.site) for c in contenders)
@@ -51,7 +52,7 @@ def next_experiment(
     if "l" in setting.axes or "psi" in setting.axes:
         start["l"] = start_length(chosen.play, setting)
     return NextExperiment(
-        _purpose(chosen.play, names, start, wrong),
+        _purpose(chosen.play, names, start, wrong > _HARDLY * today),
         names,
         {"t": recording.times, **columns},
         wrong,
@@ -65,7 +66,7 @@ def _thinned(plays: Sequence[Play]) -> list[Play]:
     return [plays[i] for i in take]
 
 
-def _purpose(play: Play, names: Sequence[str], start: Mapping[str, float], wrong: float) -> str:
+def _purpose(play: Play, names: Sequence[str], start: Mapping[str, float], hardly: bool) -> str:
     """What to do and why, for whoever plays it."""
     parts = []
     if "x" in start:
@@ -74,9 +75,9 @@ def _purpose(play: Play, names: Sequence[str], start: Mapping[str, float], wrong
         parts.append(f"{start['l']:.3g} m of rope")
     if "psi" in start:
         parts.append("the load hanging still")
-    listed = f"{', '.join(names[:-1])} from {names[-1]}"
+    listed = f"{', '.join(names[:-1])} and {names[-1]}"
     words = play.words
-    text = f"{words[0].upper()}{words[1:]}, from rest with {', '.join(parts)}: tells {listed}."
-    if wrong > _HARDLY:
+    text = f"{words[0].upper()}{words[1:]}, from rest with {', '.join(parts)}: tells {listed} apart."
+    if hardly:
         text += " It hardly decides, but no other input tried within the recordings' limits does better."
     return text

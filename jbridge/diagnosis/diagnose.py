@@ -172,7 +172,7 @@ def diagnose(
         tuple(r.name for r in setting.holdout),
         shown,
         trials_of(steps, explained.refused),
-        not_seen(search, state),
+        not_seen(search, state, {(rival.kind, rival.site) for effect in effects for rival in effect.equivalents}),
         experiment,
         None if former is None else continued(former, effects, [r.name for r in new]),
         tuple(warnings(table, final_vector, final_free, cov)),

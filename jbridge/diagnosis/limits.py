@@ -11,7 +11,7 @@ Whether a limit is practically nothing is judged on the hold-out: by how much it
 had the effect at its limit and the model had been fitted to the training recordings without it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -33,16 +33,19 @@ _CALLED_UP = 0.02
 """Root mean square response over the noise from which a finite seed counts as called up at all."""
 
 
-def not_seen(search: Search, state: State) -> tuple[NotSeen, ...]:
+def not_seen(search: Search, state: State, rivals: Collection[tuple[str, str]] = ()) -> tuple[NotSeen, ...]:
     """How large every effect that the model lacks may be; what may be more than noise first.
 
     Args:
         search: recordings.
         state: the final model, fitted.
+        rivals: kinds and sites that the recordings cannot tell from what was named, and that are told as such.
     """
     search.progress("asking what could not have been seen")
     by_effect: dict[tuple, list[Look]] = {}
     for found in look(search, state):
+        if found.candidate.name in rivals:
+            continue
         by_effect.setdefault((*found.candidate.name, choices(found.candidate)), []).append(found)
     given = ParameterTable(search.given, search.setting.units)
     rows: list[NotSeen] = []

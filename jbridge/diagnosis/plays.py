@@ -37,11 +37,11 @@ def _sines(phase: NDArray[np.float64]) -> NDArray[np.float64]:
 
 FORMS: dict[str, tuple[str, Form, float]] = {
     "square": ("constant voltages both ways", _held(1, -1, -1, 1), 0.5),
-    "pulses": ("pulses both ways with rests between them", _held(1, 0, -1, 0), 0.25),
+    "pulses": ("pulses both ways with rests between", _held(1, 0, -1, 0), 0.25),
     "stairs": ("staircases of voltage both ways", _held(0.25, 0.5, 0.75, 1, -0.25, -0.5, -0.75, -1), 0.2),
     "ramps": ("slow ramps of voltage both ways", _ramps, 0.35),
     "sines": ("a sum of sines", _sines, 0.4),
-    "moves": ("moves with long rests in which the load swings", _held(1, 0, 0, 0, -1, 0, 0, 0), 0.25),
+    "moves": ("moves with long rests", _held(1, 0, 0, 0, -1, 0, 0, 0), 0.25),
 }
 """By name: what it is called, the form, and where in the range it starts, as a share, so that it stays inside."""
 
@@ -79,10 +79,10 @@ class Play:
         """What it is, for whoever plays it."""
         parts = []
         for name, wave in self.waves.items():
-            creep = "creeping, " if wave.size < 0.15 else ""
+            creep = ", creeping" if wave.size <= 0.15 else ""
             axis = "cart" if name == "u_x" else "hoist"
-            parts.append(f"{creep}{FORMS[wave.form][0]} of the {axis} (period {wave.period:.3g} s)")
-        return " with ".join(parts)
+            parts.append(f"{FORMS[wave.form][0]} for the {axis} drive{creep} (period {wave.period:.3g} s)")
+        return " and ".join(parts)
 
 
 def library(reach: Reach, axes: set[str]) -> list[Play]:

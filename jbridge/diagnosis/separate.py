@@ -8,7 +8,8 @@ Fedorov, Biometrika 62, 1975).
 
 A diagnosis that goes on with the new recording weighs rivals by `EFFECTIVE log(cost)` (`trials`), so that distance `D`
 moves their scores apart by `s = EFFECTIVE log(1 + D / cost)`. A difference of log-likelihoods with mean `s / 2` has
-variance `s`, and the wrong rival is preferred with probability `Phi(-sqrt(s) / 2)`.
+variance `s`: where today's odds of the truth are `o`, a rival is preferred with probability
+`Phi(-(s / 2 + log o) / sqrt(s))`.
 """
 
 import dataclasses
@@ -173,14 +174,31 @@ def _log_wrong(contenders: Sequence[Contender], runs: Sequence[Runs], i: int) ->
     total = sum(c.probability for c in contenders)
     terms = []
     for truth, own in zip(contenders, runs, strict=True):
+        new = float((np.asarray(own.batch.lanes.weight[i]) > 0).sum())
         for rival, other in zip(contenders, runs, strict=True):
-            if rival is truth:
-                continue
-            far = distance(own, other, i)
-            new = float((np.asarray(own.batch.lanes.weight[i]) > 0).sum())
-            apart = EFFECTIVE * np.log1p(far / (truth.fitted.cost + new))
-            terms.append(np.log(max(truth.probability / total, 1e-12)) + log_ndtr(-0.5 * np.sqrt(apart)))
-    return float(logsumexp(terms))
+            if rival is not truth:
+                apart = EFFECTIVE * np.log1p(distance(own, other, i) / (truth.fitted.cost + new))
+                terms.append(np.log(truth.probability / total) + log_preferred(rival, truth, float(apart)))
+    return min(float(logsumexp(terms)), np.log(guess(contenders)))
+
+
+def log_preferred(rival: Contender, truth: Contender, apart: float) -> float:
+    """Logarithm of the chance that a rival is preferred, given what speaks for either today.
+
+    Args:
+        rival: what is preferred.
+        truth: what made the new recording.
+        apart: expected distance of their scores from the new recording alone.
+    """
+    ahead = np.log(truth.probability / rival.probability)
+    root = np.sqrt(max(apart, 1e-12))
+    return float(log_ndtr(-(0.5 * apart + ahead) / root))
+
+
+def guess(contenders: Sequence[Contender]) -> float:
+    """Chance of being wrong without a further recording."""
+    chances = [c.probability for c in contenders]
+    return max(1.0 - max(chances) / sum(chances), 1e-12)
 
 
 def distance(truth: Runs, rival: Runs, i: int) -> float:

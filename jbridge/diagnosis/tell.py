@@ -15,6 +15,7 @@ from ..identify.uncertainty import covariance, estimates
 from ..model.effects.base import AXIS_OF_SITE, SITES
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE
+from .levels import simpler_laws
 from .locate import equation_of, intervals, region
 from .result import Location, NamedEffect, Rival
 from .screen import Screen
@@ -40,7 +41,17 @@ class Step:
 
     @property
     def passed(self) -> list[Trial]:
-        return [trial for trial in self.trials if trial.candidate.name not in self.refused]
+        """What could be it. A law that contains the chosen one and needs more numbers for no gain is no rival of it."""
+        return [
+            trial
+            for trial in self.trials
+            if trial.candidate.name not in self.refused and not (trial is not self.chosen and self._contains(trial))
+        ]
+
+    def _contains(self, trial: Trial) -> bool:
+        kind, site = self.chosen.candidate.name
+        laws = [law for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name for law in simpler_laws(e)]
+        return trial.candidate.site == site and kind in [name for name, _ in laws] and trial.score > self.chosen.score
 
 
 def _weights(step: Step) -> dict[tuple[str, str], float]:
