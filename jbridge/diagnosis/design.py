@@ -43,7 +43,7 @@ def next_experiment(
         return None
     found += separations([v for play in best for v in variants(play, reach)], contenders, setting, reach)
     chosen = min(found, key=lambda s: s.log_wrong)
-    today = guess(contenders)
+    today = guess([c.probability for c in contenders])
     wrong = float(np.clip(np.exp(chosen.log_wrong), _LEAST, today))
     recording = as_recording(chosen.play, reach, setting)
     columns = {name: getattr(recording, name) for name in reach.drives}

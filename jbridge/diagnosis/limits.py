@@ -79,6 +79,10 @@ def _of_null(seeds: Sequence[Look], inputs: Mapping[str, str], given: ParameterT
         limit = float(max(e for e, _ in sizes) + _NORMAL * max(s for _, s in sizes))
         change = limit * max(c for _, _, c in parts)
         rows.append(_row(kind, site, key, None if taken_up else limit, unit, change))
+    called = {key for seed in seeds for key in seed.keys}
+    for key in seeds[0].candidate.free:
+        if kind != WRONG_VALUE and parameters_of(KINDS[kind])[key].vector and key not in called:
+            rows.append(_row(kind, site, key, None, "", None, silent=True))
     if not rows:
         rows.append(_row(kind, site, seeds[0].candidate.free[0], None, "", None, silent=True))
     return rows

@@ -33,6 +33,9 @@ from .trials import State
 _TAKEN_UP = 1e-8
 """Share of a response's sum of squares below which the model's other numbers take up all of it."""
 
+_VISITED = 1e-4
+"""Response's sum of squares, over the largest, from which a level of a map counts as one that was visited."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Look:
@@ -182,7 +185,11 @@ def _look(
         infos = parameters_of(KINDS[candidate.kind])
         keys = tuple(key for key in candidate.free for _ in np.atleast_1d(candidate.values.get(key, infos[key].null)))
     taken_up = np.diag(inside) <= _TAKEN_UP * raw
-    active = raw > 1e-16 * max(float(raw.max(initial=0.0)), 1e-300)
+    lists = np.array(
+        [key != "" and key != "value" and parameters_of(KINDS[candidate.kind])[key].vector for key in keys]
+    )
+    least = np.where(lists, _VISITED, 1e-16) * max(float(raw.max(initial=0.0)), 1e-300)
+    active = raw > least
     # What the model has already (a level beside a Coulomb friction) is asked of that, not here.
     kept = active & ~taken_up if (active & ~taken_up).any() else active
     places = np.flatnonzero(kept)

@@ -36,12 +36,12 @@ def _sines(phase: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 FORMS: dict[str, tuple[str, Form, float]] = {
-    "square": ("constant voltages both ways", _held(1, -1, -1, 1), 0.5),
-    "pulses": ("pulses both ways with rests between", _held(1, 0, -1, 0), 0.25),
-    "stairs": ("staircases of voltage both ways", _held(0.25, 0.5, 0.75, 1, -0.25, -0.5, -0.75, -1), 0.2),
+    "square": ("constant voltages both ways", _held(1.0, -1.0, -1.0, 1.0), 0.5),
+    "pulses": ("pulses both ways with rests between", _held(1.0, 0.0, -1.0, 0.0), 0.25),
+    "stairs": ("staircases of voltage both ways", _held(0.25, 0.5, 0.75, 1.0, -0.25, -0.5, -0.75, -1.0), 0.2),
     "ramps": ("slow ramps of voltage both ways", _ramps, 0.35),
     "sines": ("a sum of sines", _sines, 0.4),
-    "moves": ("moves with long rests", _held(1, 0, 0, 0, -1, 0, 0, 0), 0.25),
+    "moves": ("moves with long rests", _held(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0), 0.25),
 }
 """By name: what it is called, the form, and where in the range it starts, as a share, so that it stays inside."""
 
@@ -63,7 +63,8 @@ class Wave:
         if self.size < 0:
             tops = [drive.rest + (1.0 + self.size) * (drive.least[k] - drive.rest) for k in range(2)]
         u = drive.rest + np.where(share > 0, share * (tops[0] - drive.rest), -share * (tops[1] - drive.rest))
-        return np.asarray(np.round(np.clip(u, drive.most[1], drive.most[0]), 4), dtype=np.float64)
+        # Rounded towards nothing, so that nothing is exceeded.
+        return np.asarray(np.trunc(np.clip(u, drive.most[1], drive.most[0]) * 1e4) / 1e4, dtype=np.float64)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -99,5 +99,5 @@ def _starts(plant: Plant, axis: str, middle: Mapping[str, float]) -> tuple[float
     width = sum(float(e.positive) for e in dead), sum(float(e.negative) for e in dead)
     forwards = (float(getattr(up, axis)) + hidden - weight) / gain
     backwards = -(float(getattr(down, axis)) + hidden + weight) / gain
-    # A dead zone is in the way of whatever is not nothing.
-    return forwards + np.sign(forwards) * width[int(forwards < 0)], backwards - width[1]
+    # Where weight alone pays the rope out, the winch must hold it back, from behind the other end of the dead zone.
+    return forwards + width[0] if forwards >= 0 else forwards - width[1], backwards - width[1]

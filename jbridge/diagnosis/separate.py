@@ -178,26 +178,23 @@ def _log_wrong(contenders: Sequence[Contender], runs: Sequence[Runs], i: int) ->
         for rival, other in zip(contenders, runs, strict=True):
             if rival is not truth:
                 apart = EFFECTIVE * np.log1p(distance(own, other, i) / (truth.fitted.cost + new))
-                terms.append(np.log(truth.probability / total) + log_preferred(rival, truth, float(apart)))
-    return min(float(logsumexp(terms)), np.log(guess(contenders)))
+                odds = truth.probability / rival.probability
+                terms.append(np.log(truth.probability / total) + log_preferred(odds, float(apart)))
+    return min(float(logsumexp(terms)), float(np.log(guess([c.probability for c in contenders]))))
 
 
-def log_preferred(rival: Contender, truth: Contender, apart: float) -> float:
-    """Logarithm of the chance that a rival is preferred, given what speaks for either today.
+def log_preferred(odds: float, apart: float) -> float:
+    """Logarithm of the chance that a rival is preferred to the truth.
 
     Args:
-        rival: what is preferred.
-        truth: what made the new recording.
+        odds: of the truth against the rival, today.
         apart: expected distance of their scores from the new recording alone.
     """
-    ahead = np.log(truth.probability / rival.probability)
-    root = np.sqrt(max(apart, 1e-12))
-    return float(log_ndtr(-(0.5 * apart + ahead) / root))
+    return float(log_ndtr(-(0.5 * apart + np.log(odds)) / np.sqrt(max(apart, 1e-12))))
 
 
-def guess(contenders: Sequence[Contender]) -> float:
-    """Chance of being wrong without a further recording."""
-    chances = [c.probability for c in contenders]
+def guess(chances: Sequence[float]) -> float:
+    """Chance of being wrong without a further recording, from the probability of each explanation."""
     return max(1.0 - max(chances) / sum(chances), 1e-12)
 
 
