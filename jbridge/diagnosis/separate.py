@@ -85,7 +85,7 @@ def separations(
     room = min(c.fitted.batch.count for c in contenders)
     for first in range(0, len(plays), room):
         part = recordings[first : first + room]
-        runs = [_run(contender, setting, part) for contender in contenders]
+        runs = [played(contender, setting, part) for contender in contenders]
         for i, play in enumerate(plays[first : first + room]):
             if all(_is_inside(run.predicted[i, : run.points[i]], reach, setting) for run in runs):
                 found.append(Separation(play, _log_wrong(contenders, runs, i)))
@@ -145,7 +145,8 @@ class Runs:
         return [grid.intervals + 1 for grid in self.batch.grids]
 
 
-def _run(contender: Contender, setting: Setting, recordings: Sequence[Recording]) -> Runs:
+def played(contender: Contender, setting: Setting, recordings: Sequence[Recording]) -> Runs:
+    """A contender's simulations of inputs, with its tangents."""
     fitted = contender.fitted
     table, count = fitted.engine.table, len(fitted.free)
     width = columns_for(count)
