@@ -15,6 +15,7 @@ from .revise import SUPERFLUOUS, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
+from .ties import ties
 from .trials import State, Trial, accepts, held
 
 MOST_EFFECTS = 6
@@ -85,8 +86,11 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
             least = MOST
-        reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
-        passed = [t for t in trials if not reasons[t.candidate.name]]
+        reasons, passed = _judged(state, trials, least)
+        if passed:
+            tied = ties(screened.ranked, passed[0].candidate, list(reasons))
+            trials = sorted([*trials, *search.refit_all(state, tied)], key=lambda t: t.score)
+            reasons, passed = _judged(state, trials, least)
         if not passed:
             left = [(t, reasons[t.candidate.name]) for t in trials]
             break
@@ -119,6 +123,12 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return Explained(state, steps, learnable, after, screened, left)
+
+
+def _judged(state: State, trials: Sequence[Trial], least: float) -> tuple[dict[tuple[str, str], str], list[Trial]]:
+    """Why each trial does not pass, and those that do, the best first."""
+    reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+    return reasons, [t for t in trials if not reasons[t.candidate.name]]
 
 
 def _as_simplified(step: Step, state: State) -> Step:

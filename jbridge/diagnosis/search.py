@@ -136,6 +136,12 @@ class Search:
         names = {item.candidate.name for item in chosen}
         for name in sorted(self.insist - names):
             chosen += [item for item in screened.ranked if item.candidate.name == name and name not in tried][:2]
+        return self.refit_all(state, chosen)
+
+    def refit_all(self, state: State, chosen: Sequence[Screened]) -> list[Trial]:
+        """Full refits of some candidates, from where the screen expects them; seeds of one effect give one trial."""
+        if not chosen:
+            return []
         by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
             by_name.setdefault(item.candidate.name, []).append(item)

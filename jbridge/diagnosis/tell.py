@@ -41,17 +41,21 @@ class Step:
 
     @property
     def passed(self) -> list[Trial]:
-        """What could be it. A law that contains the chosen one and needs more numbers for no gain is no rival of it."""
+        """What could be it. A law that contains one of the others and needs more numbers for no gain is left out."""
+        found = [trial for trial in self.trials if trial.candidate.name not in self.refused]
         return [
             trial
-            for trial in self.trials
-            if trial.candidate.name not in self.refused and not (trial is not self.chosen and self._contains(trial))
+            for trial in found
+            if trial is self.chosen
+            or not any(other.score < trial.score and _contains(trial, other.candidate.name) for other in found)
         ]
 
-    def _contains(self, trial: Trial) -> bool:
-        kind, site = self.chosen.candidate.name
-        laws = [law for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name for law in simpler_laws(e)]
-        return trial.candidate.site == site and kind in [name for name, _ in laws] and trial.score > self.chosen.score
+
+def _contains(trial: Trial, name: tuple[str, str]) -> bool:
+    """Whether a refitted law is another one with more to it."""
+    kind, site = name
+    own = [e for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name]
+    return trial.candidate.site == site and any(kind == simple for e in own for simple, _ in simpler_laws(e))
 
 
 def _weights(step: Step) -> dict[tuple[str, str], float]:

@@ -90,6 +90,7 @@ def test_a_law_that_contains_the_chosen_one_is_no_rival():
     drift = trial("friction_drift", {"level": 3.0, "rate": 0.0}, 2)
     tilt = trial("constant_force", {"level": 3.0}, 2)
     assert Step(1, dry, [dry, drift, tilt], {}).passed == [dry, tilt]
+    assert Step(1, tilt, [dry, drift, tilt], {}).passed == [dry, tilt]
     assert Step(1, drift, [dry, drift, tilt], {}).passed == [dry, drift, tilt]
     assert Step(1, dry, [dry, drift, tilt], {tilt.candidate.name: "gains too little"}).passed == [dry]
 
