@@ -222,6 +222,25 @@ def test_next_experiment_can_be_played(tmp_path, no_figures):
     assert len(rows) == 200
 
 
+def test_what_is_left_open_is_shown_and_said():
+    """Limits, the next experiment and what a new recording decided, on the page and in the terminal."""
+    full = cases.missing_physics()
+    page = diagnosis_page(full, Gallery())
+    for heading in ("What these recordings could not have shown", "What to record next", "What the new recordings"):
+        assert heading in page
+    assert "Could not have been seen: no place is known." in page and "1 limits that" not in page
+    assert "wrong decision with it: 1 %" in page and "1 of 2 explanations is left" in page
+    text = " ".join(describe_diagnosis(full).split())
+    # What is practically nothing is left to the page.
+    assert "sensor offset, cart position sensor; load drag, swing (up to 0.020 N s²/m²)" in text
+    assert "backlash" not in text.split("Unseen")[1].split("Record next")[0]
+    assert "Continued With next-1.csv" in text and "Expected chance of a wrong decision: 1 %" in text
+    plain = dataclasses.replace(full, not_seen=(), next_experiment=None, continued=None)
+    page, text = diagnosis_page(plain, Gallery()), describe_diagnosis(plain)
+    assert "could not have shown" not in page and "new recordings have decided" not in page
+    assert "Unseen" not in text and "Continued" not in text and "Record next" not in text
+
+
 def test_what_an_earlier_report_left_is_removed_and_nothing_else(tmp_path):
     save_report(tmp_path, cases.brief(cases.cart_alone()))
     mine = tmp_path / "figures" / "fit-of-mine.png"

@@ -25,8 +25,8 @@ from ..identify.uncertainty import correlation_time, inverse_normal
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
 from .candidates import WRONG_VALUE, Candidate, candidates
+from .normal import normal_equations, tangents
 from .responses import Cut, simulated, with_weaker
-from .screen import normal_equations, tangents
 from .search import Search
 from .trials import State
 

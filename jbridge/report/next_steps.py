@@ -21,7 +21,7 @@ def not_seen_section(diagnosis: Diagnosis) -> str:
         if diagnosis.not_seen
         else "",
         _limits(notable),
-        fold(f"{len(rest)} limits that are practically nothing; show them", _limits(rest)) if rest else "",
+        fold(f"what is practically nothing: {len(rest)} more; show", _limits(rest)) if rest else "",
     )
 
 
