@@ -8,6 +8,7 @@ enters with its response at a finite seed, and `c` is how much of that response 
 """
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,6 +34,8 @@ from .trials import State
 _TAKEN_UP = 1e-8
 """Share of a response's sum of squares below which the model's other numbers take up all of it."""
 
+_PLACES = 4
+"""Seeds of an effect (periods, places, times) that are looked at; a search, which must not miss one, has more."""
 _VISITED = 1e-4
 """Response's sum of squares, over the largest, from which a level of a map counts as one that was visited."""
 
@@ -70,9 +73,16 @@ def look(search: Search, state: State) -> list[Look]:
     width = columns_for(base + len(extra))
     train = Cut(search.setting.recordings, state.batch, state.initial)
     cuts = [train, _hold_out(search, state, width)]
-    told = [tangents(state.engine, cut.batch, state.vector, state.free, extra, cut.initial, linear) for cut in cuts]
-    for parts in search.each(lambda seeds: simulated(search, state, seeds, cuts), hidden):
-        for (_, columns), part in zip(told, parts, strict=True):
+
+    def linearised() -> list[tuple[Gram, list[NDArray[np.float64]]]]:
+        of = state.vector, state.free, extra
+        return [tangents(state.engine, cut.batch, *of, cut.initial, linear) for cut in cuts]
+
+    with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
+        finite = [pool.submit(simulated, search, state, seeds, cuts) for seeds in hidden]
+        told = linearised()
+    for future in finite:
+        for (_, columns), part in zip(told, future.result(), strict=True):
             columns += part
     gram, columns = told[0]
     # What may be is asked here, so a start is what the recording says and no guess holds it back.
@@ -107,11 +117,26 @@ def _seeds(search: Search, state: State) -> tuple[list[Candidate], list[Candidat
     for c in found:
         if c.name not in with_null:
             finite.setdefault(c.name, []).append(c)
+    found = _thinned(found)
     grown = [with_weaker(seeds) for seeds in finite.values()]
     linear = [c for c in found if c.kind != WRONG_VALUE and not c.finite]
     linear += [c for seeds in grown for c in seeds if not c.unscreened]
     numbers = [c for c in found if c.kind == WRONG_VALUE]
     return linear, numbers, [seeds for seeds in grown if seeds[0].unscreened]
+
+
+def _thinned(found: list[Candidate]) -> list[Candidate]:
+    """A few of the seeds of every effect, its ends included; a sine and a cosine stay together."""
+    places: dict[tuple, dict[str, list[Candidate]]] = {}
+    for c in found:
+        place = repr([(key, value) for key, value in c.values.items() if key != "phase"])
+        places.setdefault((*c.name, c.free, c.finite), {}).setdefault(place, []).append(c)
+    kept: list[Candidate] = []
+    for by_place in places.values():
+        groups = list(by_place.values())
+        take = np.unique(np.linspace(0, len(groups) - 1, _PLACES).round().astype(int))
+        kept += [c for i in take for c in groups[i]]
+    return kept
 
 
 def _hold_out(search: Search, state: State, width: int) -> Cut:
