@@ -13,11 +13,13 @@ from .names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of
 from .result import NextExperiment
-from .separate import Contender, as_recording, guess, separations, start_length
+from .separate import Contender, Separation, as_recording, guess, separations, start_length
 
 _MOST_PLAYS = 36
 _BEST = 2
 """Inputs of the library whose variants are tried, too."""
+_ENOUGH = 1e-6
+"""Chance of a wrong decision below which a smaller one is worth no further effort of the rig."""
 _LEAST = 1e-3
 """No chance of a wrong decision is called smaller: no model is a rig."""
 _HARDLY = 0.7
@@ -38,11 +40,12 @@ def next_experiment(
     plays = library(reach, {c.axis for c in contenders})
     progress(f"designing an experiment that tells {len(contenders)} explanations apart")
     found = separations(_thinned(plays), contenders, setting, reach)
-    best = [s.play for s in found[:_BEST]]
-    if not best:
+    if not found:
         return None
-    found += separations([v for play in best for v in variants(play, reach)], contenders, setting, reach)
-    chosen = min(found, key=lambda s: s.log_wrong)
+    if found[0].log_wrong > np.log(_ENOUGH):
+        more = [v for best in found[:_BEST] for v in variants(best.play, reach)]
+        found += separations(more, contenders, setting, reach)
+    chosen = _gentlest(found)
     today = guess([c.probability for c in contenders])
     wrong = float(np.clip(np.exp(chosen.log_wrong), _LEAST, today))
     recording = as_recording(chosen.play, reach, setting)
@@ -58,6 +61,13 @@ def next_experiment(
         wrong,
         start,
     )
+
+
+def _gentlest(found: Sequence[Separation]) -> Separation:
+    """The input that leaves the least chance of a wrong decision; of those that leave as good as none, the gentlest."""
+    enough = max(min(s.log_wrong for s in found), float(np.log(_ENOUGH)))
+    able = [s for s in found if s.log_wrong <= enough]
+    return min(able, key=lambda s: (len(s.play.waves), max(w.size for w in s.play.waves.values()), s.log_wrong))
 
 
 def _thinned(plays: Sequence[Play]) -> list[Play]:

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.design import next_experiment
-from jbridge.diagnosis.plays import FORMS, Wave, library, start_of, variants
+from jbridge.diagnosis.design import _gentlest, next_experiment
+from jbridge.diagnosis.plays import FORMS, Play, Wave, library, start_of, variants
 from jbridge.diagnosis.reach import Reach, Volts, reach_of
 from jbridge.diagnosis.search import Search
-from jbridge.diagnosis.separate import as_recording, contender, distance, guess, log_preferred, played
+from jbridge.diagnosis.separate import Separation, as_recording, contender, distance, guess, log_preferred, played
 from jbridge.diagnosis.trials import EFFECTIVE
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import lanes_for, make_setting
@@ -205,6 +205,17 @@ def test_nothing_is_proposed_where_nothing_is_driven():
     model = Model(make_plant(), frozenset(("load_mass", "gravity")), frozenset(NUMBERS), {}, "m.toml")
     setting = make_setting(model, still, ())
     assert library(reach_of(setting, [model.plant]), {"psi"}) == []
+
+
+def test_the_gentlest_of_those_that_decide_is_chosen():
+    def separation(log_wrong, *sizes):
+        waves = {name: Wave("pulses", size, 2.0) for name, size in zip(("u_x", "u_l"), sizes, strict=False)}
+        return Separation(Play(waves, {}), log_wrong)
+
+    strong, both = separation(-90.0, 0.9), separation(-80.0, 0.1, 0.1)
+    gentle, unsure = separation(-20.0, 0.3), separation(-2.0, 0.1)
+    assert _gentlest([strong, both, gentle, unsure]) is gentle
+    assert _gentlest([unsure, separation(-1.0, 0.1)]) is unsure
 
 
 def test_starts_are_in_the_middle_of_what_rests():
