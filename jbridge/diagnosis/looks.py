@@ -71,7 +71,8 @@ def look(search: Search, state: State) -> list[Look]:
     extra = np.array([state.engine.table.positions(c.site)[0] for c in numbers], np.int64)
     base = len(state.free)
     width = columns_for(base + len(extra))
-    train = Cut(search.setting.recordings, state.batch, state.initial)
+    run = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
+    train = Cut(search.setting.recordings, state.batch, state.initial, run.predicted[0])
     cuts = [train, _hold_out(search, state, width)]
 
     def linearised() -> list[tuple[Gram, list[NDArray[np.float64]]]]:
@@ -146,7 +147,7 @@ def _hold_out(search: Search, state: State, width: int) -> Cut:
     early = dataclasses.replace(batch, lanes=eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, _early(batch)))
     none = [np.zeros(0, np.int64)]
     started = solve(state.engine, early, state.vector[None], none, columns=width, iterations=4)
-    return Cut(held, batch, started.initial[0])
+    return Cut(held, batch, started.initial[0], started.gram.predicted[0])
 
 
 def _early(batch: Batch) -> Array:

@@ -27,6 +27,8 @@ class Cut:
     batch: Batch
     initial: NDArray[np.float64]
     """`(lane, state)`."""
+    predicted: NDArray[np.float64]
+    """The model's readings: `(lane, sample, channel)`."""
 
 
 def magnitude(seeds: Sequence[Candidate]) -> str:
@@ -85,13 +87,12 @@ def simulated(
         lanes = min(batch.count, cut.batch.count)
         initial[:lanes, :6] = cut.initial[:lanes, :6]
         weight = np.asarray(cut.batch.lanes.weight)
-        without = np.asarray(state.engine.motions(state.vector, cut.initial, cut.batch)[1])
         columns = []
         for seed in seeds:
             predicted = np.asarray(engine.motions(seed.set(engine.table, vector), initial, batch)[1])
             change = np.zeros((cut.batch.count, 1, weight[0].size))
-            if predicted.shape == without.shape and np.isfinite(predicted).all():
-                change[:, 0] = ((predicted - without) * weight).reshape(cut.batch.count, -1)
+            if predicted.shape == cut.predicted.shape and np.isfinite(predicted).all():
+                change[:, 0] = ((predicted - cut.predicted) * weight).reshape(cut.batch.count, -1)
             columns.append(change)
         found.append(columns)
     return found
