@@ -1,5 +1,6 @@
 """A diagnosis that goes on: what is left of what could not be told apart, and a whole one played on another engine."""
 
+import dataclasses
 import importlib
 import sys
 from pathlib import Path
@@ -9,10 +10,10 @@ import pytest
 
 from jbridge import diagnose
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.contend import continued, explanations
+from jbridge.diagnosis.contend import continued, explanations, nearest
 from jbridge.diagnosis.result import Former, NamedEffect, Rival
 from jbridge.diagnosis.tell import Step
-from jbridge.diagnosis.trials import Trial
+from jbridge.diagnosis.trials import State, Trial
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
 from jbridge.model.files import Model
@@ -67,7 +68,9 @@ def trial(kind, values, extra):
     plant = make_plant((kind, "cart", values))
     engine = Engine(plant)
     times = np.arange(100) * 0.01
-    batch = make_batch([make_recording("a.csv", times, u_x=np.sin(times), x=np.cos(times))], NOISE)
+    batch = make_batch(
+        [make_recording("a.csv", times, u_x=np.sin(times), x=np.cos(times))], NOISE, size=engine.table.size
+    )
     return Trial(
         plant=plant,
         known=frozenset(),
@@ -93,6 +96,18 @@ def test_a_law_that_contains_the_chosen_one_is_no_rival():
     assert Step(1, tilt, [dry, drift, tilt], {}).passed == [dry, tilt]
     assert Step(1, drift, [dry, drift, tilt], {}).passed == [dry, drift, tilt]
     assert Step(1, dry, [dry, drift, tilt], {tilt.candidate.name: "gains too little"}).passed == [dry]
+
+
+def test_of_what_has_no_name_the_nearest_explanations_contend():
+    """Refused explanations that gain a tenth, each kind once, none likelier than another."""
+    dry, tilt = trial("coulomb_friction", {"level": 3.0}, 1), trial("constant_force", {"level": 3.0}, 1)
+    far = dataclasses.replace(trial("quadratic_drag", {"coefficient": 1.0}, 1), cost=950.0)
+    without = dataclasses.replace(State(**dry.shared()), cost=1000.0)
+    refused = [(t, "gains too little") for t in (far, dry, tilt, dry)]
+    found = nearest(without, refused)
+    assert {(c.kind, c.site) for c in found} == {NAMES["dry"], NAMES["tilt"]}
+    assert [c.probability for c in found] == [0.5, 0.5]
+    assert nearest(without, refused[:2]) == []
 
 
 TRUTH = {"positive": 0.25, "negative": 0.25}
