@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from jbridge.control.shaping import shaped as shaped
     from jbridge.diagnosis.diagnose import diagnose as diagnose
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
+    from jbridge.diagnosis.result import Former as Former
     from jbridge.errors import InputError as InputError
     from jbridge.fuzzy.check import idle_parts as idle_parts
     from jbridge.fuzzy.fis import load_fis as load_fis
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from jbridge.recordings import save_csv as save_csv
     from jbridge.report.comparison import save_comparison as save_comparison
     from jbridge.report.files import check_output as check_output
+    from jbridge.report.former import load_former as load_former
     from jbridge.report.paper import save_paper as save_paper
     from jbridge.report.save import save_fit as save_fit
     from jbridge.report.save import save_report as save_report
@@ -109,6 +111,7 @@ _HOMES = {
     "Every": "collect",
     "Everything": "collect",
     "Fit": "identify.result",
+    "Former": "diagnosis.result",
     "FuzzyController": "control.fuzzy",
     "FuzzyKnobs": "tuning.knobs",
     "InputError": "errors",
@@ -146,6 +149,7 @@ _HOMES = {
     "linear_model": "tuning.linearise",
     "load_controller": "control.files",
     "load_fis": "fuzzy.fis",
+    "load_former": "report.former",
     "load_model": "model.files",
     "load_recording": "recordings",
     "load_recordings": "recordings",
@@ -197,6 +201,7 @@ __all__ = [
     "Every",
     "Everything",
     "Fit",
+    "Former",
     "FuzzyController",
     "FuzzyKnobs",
     "InputError",
@@ -234,6 +239,7 @@ __all__ = [
     "linear_model",
     "load_controller",
     "load_fis",
+    "load_former",
     "load_model",
     "load_recording",
     "load_recordings",

@@ -43,6 +43,10 @@ model.toml (the model with what was found) and the figures.
 
 Recordings behind --holdout are opened once, after the model is frozen, and
 prove it; without them the last quarter of the recordings plays that part.
+
+Where explanations cannot be told apart, DIR receives next_experiment.csv, an
+input that would separate them. Play it, and call the same command again with
+the new recording behind --with: the diagnosis goes on from the report in DIR.
 """
 _CONTROL = """\
 Lets a controller move the load of a model along a reference, and says how each
@@ -136,8 +140,12 @@ def _fit(arguments: argparse.Namespace, progress: "_Progress") -> None:
 
 
 def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    former = jbridge.load_former(arguments.out) if arguments.new else None
     model, recordings, holdout = _load(arguments, progress)
-    result = jbridge.diagnose(model, recordings, holdout, progress=progress)
+    count = len(recordings) - len(arguments.new)
+    result = jbridge.diagnose(
+        model, recordings[:count], holdout, new=recordings[count:], former=former, progress=progress
+    )
     progress("drawing")
     jbridge.save_report(arguments.out, result)
     progress.clear()
@@ -239,12 +247,13 @@ def _load(
     arguments: argparse.Namespace, progress: "_Progress"
 ) -> tuple["jbridge.Model", tuple["jbridge.Recording", ...], tuple["jbridge.Recording", ...]]:
     """Model, recordings and hold-out, once it is clear that results can be written."""
-    paths = [*arguments.recordings, *arguments.holdout]
+    learnt = [*arguments.recordings, *getattr(arguments, "new", ())]
+    paths = [*learnt, *arguments.holdout]
     jbridge.check_output(arguments.out, folder=True, inputs=[arguments.model, *paths])
     progress("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
-    recordings = jbridge.load_recordings(arguments.recordings)
+    recordings = jbridge.load_recordings(learnt)
     # All together are checked against each other, yet nothing about a hold-out may colour the others.
     every = jbridge.load_recordings(paths) if arguments.holdout else ()
     return model, recordings, every[len(recordings) :]
@@ -315,8 +324,20 @@ def _parser() -> _Parser:
         help="fit windows of this length, each from a start of its own, where whole recordings drift apart by luck",
     )
     diagnose = _command(commands, "diagnose", "why recordings and simulation differ", _DIAGNOSE, _diagnose)
-    diagnose.epilog = "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report"
+    diagnose.epilog = (
+        "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report\n"
+        "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --with wednesday-1.csv --out report"
+    )
     _add_recordings(diagnose)
+    diagnose.add_argument(
+        "--with",
+        dest="new",
+        metavar="NEW.csv",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="recordings made since the report in DIR, with which its diagnosis goes on",
+    )
     control = _command(commands, "control", "how a controller moves the load", _CONTROL, _control)
     control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
     control.add_argument("model", metavar="MODEL.toml", help=_MODEL)

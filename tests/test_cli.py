@@ -79,6 +79,27 @@ def test_diagnose_saves_and_says(rig, calls, capsys):
     assert err == ""  # no terminal, no progress
 
 
+def test_a_diagnosis_goes_on_with_further_recordings(rig, calls, capsys):
+    assert main(["diagnose", "model.toml", "a.csv", "b.csv", "--holdout", "c.csv", "--out", "out"]) == 0
+    assert calls["options"] == {"new": (), "former": None}
+    assert main("diagnose model.toml a.csv b.csv --with d.csv --holdout c.csv --out out".split()) == 0
+    assert calls["diagnose"][1:] == (["a.csv", "b.csv"], ["c.csv"])
+    assert [recording.name for recording in calls["options"]["new"]] == ["d.csv"]
+    names = calls["options"]["former"].names
+    assert {("dead_zone", "cart_drive"), ("stribeck_friction", "cart"), ("wrong_value", "load_mass")} <= names
+    assert "Continued" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"schema": 2, "effects": []}', '{"schema": 1, "effects": [{}]}'])
+def test_a_report_that_is_none_cannot_go_on(rig, calls, capsys, text):
+    (rig / "out").mkdir()
+    (rig / "out" / "report.json").write_text(text)
+    assert main("diagnose model.toml a.csv --with d.csv --out out".split()) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "report.json" in err and "without --with first" in err
+    assert (rig / "out" / "report.json").read_text() == text
+
+
 def test_fit_saves_and_says(rig, calls, capsys):
     assert main(["fit", "model.toml", "a.csv", "--out", "out"]) == 0
     assert calls["fit"][1:] == (["a.csv"], [])
@@ -128,6 +149,8 @@ def test_status_is_zero_whatever_the_verdict(rig, calls, monkeypatch, case):
         ("diagnose model.toml none.csv --out out", "none.csv: no such file"),
         ("diagnose model.toml a.csv --holdout none.csv --out out", "none.csv: no such file"),
         ("diagnose model.toml a.csv --holdout a.csv --out out", "a.csv: the recording is named twice"),
+        ("diagnose model.toml a.csv --with b.csv --out out", "out/report.json: no report to go on from"),
+        ("diagnose model.toml a.csv --with --out out", "--with: expected at least one argument"),
         ("diagnose model.toml a.csv --out b.csv", "b.csv: a file, where the folder"),
         ("diagnose model.toml a.csv --out .", "model.toml: the results would replace this file"),
         ("simulate model.toml --input none.csv --out sim.csv", "none.csv: no such file"),

@@ -25,7 +25,7 @@ from tests import report_cases as cases
 VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
     "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
-    "bridge", "settings", "seconds", "trials", "warnings", "notes",
+    "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued",
 }  # fmt: skip
 HOSTILE = '<script>alert("&")</script>.csv'
 
@@ -64,6 +64,8 @@ def test_report_has_every_key(case):
             assert rival.keys() == {"kind", "site", "probability", "parameters", "holdout"}
     for estimate in report["bridge"].values():
         assert estimate.keys() == {"value", "std", "low", "high", "unit"}
+    for row in report["not_seen"]:
+        assert row.keys() == {"kind", "site", "parameter", "limit", "unit", "change", "notable", "statement"}
     fit = report["fit"]
     assert fit["train"].keys() == fit["holdout"].keys() == fit["window"]["holdout"].keys() == {"before", "after"}
     assert fit["window"]["seconds"] == 2.0
@@ -75,7 +77,11 @@ def test_report_keeps_numbers_in_si():
     assert report["fit"]["holdout"]["before"] == {"x": 0.0257, "psi": 0.034, "l": 6.2e-5}
     assert report["location"]["where"][1] == {"variable": "v_x", "low": -0.05, "high": 0.05, "share": 0.48}
     assert report["effects"][1]["parameters"]["knots"]["value"] == cases.KNOTS
-    assert report["next_experiment"]["input"] == "next_experiment.csv"
+    experiment = report["next_experiment"]
+    assert experiment["input"] == "next_experiment.csv" and experiment["expected_wrong"] == 0.013
+    assert experiment["start"] == {"x": 0.75, "psi": 0.0, "l": 0.6}
+    assert report["not_seen"][1]["limit"] == 0.02 and report["not_seen"][0]["limit"] is None
+    assert [row["kind"] for row in report["continued"]["before"]] == ["dead_zone", "stribeck_friction"]
 
 
 def test_unknown_numbers_are_null():
@@ -214,6 +220,25 @@ def test_next_experiment_can_be_played(tmp_path, no_figures):
     header, *rows = (tmp_path / "next_experiment.csv").read_text().splitlines()
     assert header == "t,u_x,u_l"
     assert len(rows) == 200
+
+
+def test_what_is_left_open_is_shown_and_said():
+    """Limits, the next experiment and what a new recording decided, on the page and in the terminal."""
+    full = cases.missing_physics()
+    page = diagnosis_page(full, Gallery())
+    for heading in ("What these recordings could not have shown", "What to record next", "What the new recordings"):
+        assert heading in page
+    assert "Could not have been seen: no place is known." in page and "1 limits that" not in page
+    assert "wrong decision with it: 1 %" in page and "1 of 2 explanations is left" in page
+    text = " ".join(describe_diagnosis(full).split())
+    # What is practically nothing is left to the page.
+    assert "sensor offset, cart position sensor; load drag, swing (up to 0.020 N s²/m²)" in text
+    assert "backlash" not in text.split("Unseen")[1].split("Record next")[0]
+    assert "Continued With next-1.csv" in text and "Expected chance of a wrong decision: 1 %" in text
+    plain = dataclasses.replace(full, not_seen=(), next_experiment=None, continued=None)
+    page, text = diagnosis_page(plain, Gallery()), describe_diagnosis(plain)
+    assert "could not have shown" not in page and "new recordings have decided" not in page
+    assert "Unseen" not in text and "Continued" not in text and "Record next" not in text
 
 
 def test_what_an_earlier_report_left_is_removed_and_nothing_else(tmp_path):

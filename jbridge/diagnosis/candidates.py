@@ -16,6 +16,8 @@ from ..model.plant import Plant
 
 WRONG_VALUE = "wrong_value"
 """The kind of the commonest cause of all: a known number that is wrong. Its site is the parameter's name."""
+ABSENT_WHEN_LARGE = ("stiffness", "limit")
+"""Parameters that leave an effect out when they grow."""
 _RIVAL_NUMBERS = ("cart_mass", "load_mass", "winch_mass")
 """Known numbers that a rig's owner may have wrong. Gravity is not among them."""
 
@@ -39,8 +41,7 @@ class Candidate:
     @property
     def unscreened(self) -> bool:
         """Whether a hidden state makes it too different from its absence for a linear screen."""
-        cls = CATALOGUE.get(self.kind)
-        return cls is not None and issubclass(cls, AbstractMechanism | PreslidingFriction)
+        return has_hidden_state(self.kind)
 
     def group(self, key: str) -> str:
         """The parameter's name in a table."""
@@ -66,6 +67,12 @@ class Candidate:
                 places = table.positions(self.group(key))
                 vector[places] = np.broadcast_to(np.asarray(value, dtype=float), len(places))
         return vector
+
+
+def has_hidden_state(kind: str) -> bool:
+    """Whether an effect has a state of its own that no linear screen can follow."""
+    cls = CATALOGUE.get(kind)
+    return cls is not None and issubclass(cls, AbstractMechanism | PreslidingFriction)
 
 
 def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scene) -> list[Candidate]:

@@ -29,10 +29,13 @@ from .adequacy import (
     significance,
     worst_ratio,
 )
+from .contend import contenders, continued, nearest
 from .curve import force_without_a_name
+from .design import next_experiment
 from .holdout import split_off
+from .limits import not_seen
 from .repeats import repeating_share
-from .result import Adequacy, Diagnosis, NamedEffect
+from .result import Adequacy, Diagnosis, Former, NamedEffect
 from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
 from .search import Search
 from .tell import location_of, named_of, parameters_of, trials_of
@@ -45,6 +48,8 @@ def diagnose(
     recordings: Sequence[Recording],
     holdout: Sequence[Recording] = (),
     *,
+    new: Sequence[Recording] = (),
+    former: Former | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Finds out whether a model lacks physics, where, and which.
@@ -54,6 +59,8 @@ def diagnose(
         recordings: measured runs from which everything is chosen.
         holdout: runs that are opened once, after the model is frozen. Without any, the last quarter of the recordings
             (of the time, if there is one recording) plays that part, and the report says so.
+        new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
+        former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
         progress: told what goes on, a short text at a time.
 
     Returns:
@@ -64,10 +71,11 @@ def diagnose(
     """
     begun = time.perf_counter()
     tell = progress or (lambda text: None)
-    notes = [f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes]
+    notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
+    recordings = (*recordings, *new)
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
@@ -79,7 +87,7 @@ def diagnose(
     large = is_large(found)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
-    search = Search(plant, model.known, setting, window, progress)
+    search = Search(plant, model.known, setting, window, progress, former.names if former else frozenset())
     explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
@@ -120,6 +128,10 @@ def diagnose(
     )
     verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
     effects = named_of(steps, state, setting, table, values) if alarm else ()
+    rivals = contenders(search, state, steps, effects)
+    if verdict == "unknown" and not rivals:
+        rivals = nearest(state, explained.refused)
+    experiment = next_experiment(rivals, setting, tell) if rivals else None
     at = curved.plant.effects[-1].site if curved is not None else None
     location = location_of(alarm, effects, steps, explained.screened, shown, setting, at)
     known_in = {(e.kind, e.site) for e in plant.effects}
@@ -160,7 +172,9 @@ def diagnose(
         tuple(r.name for r in setting.holdout),
         shown,
         trials_of(steps, explained.refused),
-        None,
+        not_seen(search, state, {(rival.kind, rival.site) for effect in effects for rival in effect.equivalents}),
+        experiment,
+        None if former is None else continued(former, effects, [r.name for r in new]),
         tuple(warnings(table, final_vector, final_free, cov)),
         tuple(dict.fromkeys(notes)),
         {

@@ -32,5 +32,16 @@ def kind_name(kind: str) -> str:
     return _KINDS.get(kind, spaced(kind))
 
 
+def explanation_name(kind: str, site: str) -> str:
+    """An explanation within a sentence.
+
+    >>> explanation_name("dead_zone", "cart_drive"), explanation_name("wrong_value", "load_mass")
+    ('dead zone at the cart drive', 'a wrong value of the load mass')
+    """
+    if kind == "wrong_value":
+        return f"a wrong value of the {spaced(site)}"
+    return f"{kind_name(kind)} at the {site_name(site)}"
+
+
 def spaced(key: str) -> str:
     return key.replace("_", " ")

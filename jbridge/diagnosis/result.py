@@ -90,6 +90,26 @@ class NamedEffect:
 
 
 @dataclasses.dataclass(frozen=True)
+class NotSeen:
+    """An effect that was not named, and how large it may be all the same."""
+
+    kind: str
+    site: str
+    parameter: str
+    limit: float | None
+    """Upper 95 % bound of the parameter's distance from where the effect is absent (for a stiffness, a drive's limit
+    or the place of a stop: the value from which on it would have been seen); None where these recordings give none."""
+    unit: str
+    change: float | None
+    """By how much the hold-out's simulation would be off if the rig had the effect at its limit and the model, fitted
+    to the training recordings, had not: root mean square over the noise, of the channel that it changes most. None
+    where there is no limit."""
+    notable: bool
+    """Whether what may be hidden is more than noise."""
+    statement: str
+
+
+@dataclasses.dataclass(frozen=True)
 class NextExperiment:
     """An input to play that would separate what cannot be told apart yet."""
 
@@ -97,6 +117,35 @@ class NextExperiment:
     separates: tuple[str, ...]
     columns: Mapping[str, object]
     """Columns of the CSV: `t` [s] and the inputs."""
+    expected_wrong: float
+    """Chance that a diagnosis continued with it still prefers a wrong one of them."""
+    start: Mapping[str, float]
+    """Where to start, at rest: any of `x` [m], `psi` [rad], `l` [m]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Former:
+    """What an earlier diagnosis left open."""
+
+    explanations: tuple[Mapping[str, object], ...]
+    """`kind`, `site` and `probability` of everything that was named or could not be told from it."""
+
+    @property
+    def names(self) -> frozenset[tuple[str, str]]:
+        """Kind and site of each."""
+        return frozenset((str(row["kind"]), str(row["site"])) for row in self.explanations)
+
+
+@dataclasses.dataclass(frozen=True)
+class Continued:
+    """What a diagnosis was continued from, and what has become of it."""
+
+    recordings: tuple[str, ...]
+    """The new ones."""
+    before: tuple[Mapping[str, object], ...]
+    """What could not be told apart: `kind`, `site` and `probability` of each explanation, by effect."""
+    after: tuple[Mapping[str, object], ...]
+    statement: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +178,11 @@ class Diagnosis:
     traces: tuple[Trace, ...]
     trials: tuple[Mapping[str, object], ...]
     """Every explanation that was refitted: kind, site, cost over noise, accepted or why not."""
+    not_seen: tuple[NotSeen, ...]
+    """What else of the catalogue may hide in these recordings, the notable first."""
     next_experiment: NextExperiment | None
+    continued: Continued | None
+    """Of a diagnosis that goes on from an earlier one."""
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
     settings: Mapping[str, object]

@@ -48,17 +48,17 @@ def prune(search: Search, state: State) -> State:
         if len(state.accepted) == 1:
             break
         search.progress(f"trying without {candidate.kind.replace('_', ' ')}")
-        plant, known = _without(search, state, candidate)
+        plant, known = without(search, state, candidate)
         kept = tuple(a for a in state.accepted if a is not candidate)
-        without = search.polish(plant, known, state.initial, kept)
-        if without.cost < state.cost * (1 + SUPERFLUOUS):
-            state = without
+        fewer = search.polish(plant, known, state.initial, kept)
+        if fewer.cost < state.cost * (1 + SUPERFLUOUS):
+            state = fewer
         else:
-            costs[candidate.name] = without.cost
+            costs[candidate.name] = fewer.cost
     return dataclasses.replace(state, without=costs)
 
 
-def _without(search: Search, state: State, candidate: Candidate) -> tuple[Plant, frozenset[str]]:
+def without(search: Search, state: State, candidate: Candidate) -> tuple[Plant, frozenset[str]]:
     """The state's plant without an accepted explanation, and what is known then."""
     if candidate.kind == WRONG_VALUE:
         given = getattr(search.given.bridge, candidate.site)

@@ -9,12 +9,13 @@ import jax
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
-from .candidates import Candidate
+from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
+from .ties import ties
 from .trials import State, Trial, accepts, held
 
 MOST_EFFECTS = 6
@@ -85,8 +86,11 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
             least = MOST
-        reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
-        passed = [t for t in trials if not reasons[t.candidate.name]]
+        reasons, passed = _judged(state, trials, least)
+        if passed:
+            tied = ties(screened.ranked, passed[0].candidate, list(reasons))
+            trials = sorted([*trials, *search.refit_all(state, tied)], key=lambda t: t.score)
+            reasons, passed = _judged(state, trials, least)
         if not passed:
             left = [(t, reasons[t.candidate.name]) for t in trials]
             break
@@ -119,6 +123,12 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return Explained(state, steps, learnable, after, screened, left)
+
+
+def _judged(state: State, trials: Sequence[Trial], least: float) -> tuple[dict[tuple[str, str], str], list[Trial]]:
+    """Why each trial does not pass, and those that do, the best first."""
+    reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+    return reasons, [t for t in trials if not reasons[t.candidate.name]]
 
 
 def _as_simplified(step: Step, state: State) -> Step:
@@ -191,6 +201,11 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
     strong = any(t.cost < STRONG * state.cost for t in trials)
     if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
         trials += mechanisms(search, state)
+    done = {t.candidate.name for t in trials} | {accepted.name for accepted in state.accepted}
+    for name in sorted(search.insist - done):
+        # An earlier diagnosis could not rule it out, so it must be compared, not only left out.
+        if has_hidden_state(name[0]):
+            trials += mechanisms(search, state, name)
     return screened, sorted(trials, key=lambda t: t.score)
 
 

@@ -63,12 +63,22 @@ class Search:
         setting: Setting,
         window: float | None,
         progress: Callable[[str], None] | None = None,
+        insist: frozenset[tuple[str, str]] = frozenset(),
     ):
+        """Args:
+        given: the model as given.
+        known: parameters that are not estimated.
+        setting: recordings and noise.
+        window: length of the windows that are compared [s]; None compares whole recordings.
+        progress: told what goes on.
+        insist: kinds and sites of explanations that are refitted whatever is expected of them.
+        """
         self.given = given
         self.known = known
         self.setting = setting
         self.window = window
         self.progress = progress or (lambda text: None)
+        self.insist = insist
 
     def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden state, on the state's own lanes."""
@@ -123,6 +133,15 @@ class Search:
             # What is not even expected to gain half of what it must is not worth the time of a refit.
             untried = [item for item in untried if item.gain > 0.5 * least_gain(state)]
         chosen = with_simpler(_shortlist(untried), untried)
+        names = {item.candidate.name for item in chosen}
+        for name in sorted(self.insist - names):
+            chosen += [item for item in screened.ranked if item.candidate.name == name and name not in tried][:2]
+        return self.refit_all(state, chosen)
+
+    def refit_all(self, state: State, chosen: Sequence[Screened]) -> list[Trial]:
+        """Full refits of some candidates, from where the screen expects them; seeds of one effect give one trial."""
+        if not chosen:
+            return []
         by_name: dict[tuple[str, str], list[Screened]] = {}
         for item in chosen:
             by_name.setdefault(item.candidate.name, []).append(item)

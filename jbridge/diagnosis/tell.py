@@ -15,6 +15,7 @@ from ..identify.uncertainty import covariance, estimates
 from ..model.effects.base import AXIS_OF_SITE, SITES
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE
+from .levels import simpler_laws
 from .locate import equation_of, intervals, region
 from .result import Location, NamedEffect, Rival
 from .screen import Screen
@@ -40,7 +41,21 @@ class Step:
 
     @property
     def passed(self) -> list[Trial]:
-        return [trial for trial in self.trials if trial.candidate.name not in self.refused]
+        """What could be it. A law that contains one of the others and needs more numbers for no gain is left out."""
+        found = [trial for trial in self.trials if trial.candidate.name not in self.refused]
+        return [
+            trial
+            for trial in found
+            if trial is self.chosen
+            or not any(other.score < trial.score and _contains(trial, other.candidate.name) for other in found)
+        ]
+
+
+def _contains(trial: Trial, name: tuple[str, str]) -> bool:
+    """Whether a refitted law is another one with more to it."""
+    kind, site = name
+    own = [e for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name]
+    return trial.candidate.site == site and any(kind == simple for e in own for simple, _ in simpler_laws(e))
 
 
 def _weights(step: Step) -> dict[tuple[str, str], float]:

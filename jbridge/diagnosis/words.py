@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..identify.result import Estimate
-from ..model.effects.base import SITES
+from ..model.effects.base import SITES, parameters_of, unit_at
 from ..model.effects.catalogue import CATALOGUE
 from .adequacy import LARGE
-from .candidates import WRONG_VALUE
-from .names import kind_name, site_name, spaced
+from .candidates import ABSENT_WHEN_LARGE, WRONG_VALUE, Candidate
+from .names import explanation_name, site_name, spaced
 from .result import Channel, Location, NamedEffect, Rival
 
 _CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
@@ -32,6 +32,67 @@ def quantity(e: Estimate) -> str:
     return f"{text} {unit}".strip()
 
 
+def amount(value: float, unit: str) -> str:
+    """A number with two digits and its unit; angles in degrees."""
+    if unit.startswith("rad"):
+        value, unit = value * 180 / math.pi, "degrees" + unit[3:]
+    if unit in ("m", "s") and abs(value) < 0.1:
+        value, unit = 1e3 * value, f"m{unit}"
+    text = f"{value:.2g}" if abs(value) < 99.5 else f"{float(f'{value:.2g}'):.0f}"
+    return f"{text} {'' if unit == '1' else unit}".strip()
+
+
+def limit_sentence(
+    key: str, limit: float | None, unit: str, change: float | None, *, finite: bool = False, silent: bool = False
+) -> str:
+    """How large an effect that was not named may be.
+
+    Args:
+        key: the parameter that says how large it is.
+        limit: its bound, None where there is none.
+        unit: of both.
+        change: by how much the hold-out's simulation would be off for it, over the noise; None where there is no limit.
+        finite: whether the limit is the weakest of some sizes that were tried.
+        silent: whether it does nothing in these recordings.
+    """
+    if limit is None:
+        if finite:
+            return "Could not have been seen in these recordings: at no size that was tried does it show in them."
+        if silent:
+            return "Could not have been seen in these recordings: nothing in them calls it up."
+        return (
+            "Could not have been seen in these recordings: the model's other numbers and the recordings' starts take "
+            "up all that it does."
+        )
+    name, size = spaced(key), amount(limit, unit)
+    assert change is not None
+    matters = "may matter" if change > LARGE else "is practically nothing"
+    off = f"a simulation of the hold-out without it is off by at most {_times(change)} times the noise"
+    if finite:
+        if key in ABSENT_WHEN_LARGE:
+            text = f"A {name} of {size} or less would have shown"
+        elif key == "position":
+            text = f"It would have shown if it began at {size} or nearer"
+        else:
+            text = f"A {name} of {size} or more would have shown"
+        return f"{text}. What may hide {matters}: {off}."
+    text = f"At most {size}{' off' if key in ('scale', 'value') else ''}"
+    return f"{text}. That {matters}: {off}."
+
+
+def assumed(candidate: Candidate, key: str) -> str:
+    """What else was taken for granted of an effect at a finite size."""
+    cls = CATALOGUE[candidate.kind]
+    infos = parameters_of(cls)
+    numbers = [
+        f"{spaced(k)} {amount(float(v), unit_at(infos[k].unit, candidate.site))}"
+        for k, v in candidate.values.items()
+        if k in infos and k != key
+    ]
+    words = [f"{spaced(k)} {v}" for k, v in candidate.values.items() if isinstance(v, str)]
+    return f"(Tried with {', '.join(words + numbers)}.)" if words or numbers else ""
+
+
 def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]) -> str:
     """One sentence for a named effect, and one for what cannot be told from it."""
     if kind == WRONG_VALUE:
@@ -44,15 +105,9 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
         detail = f" ({', '.join(numbers)})" if numbers else ""
         text = f"{what[0].upper()}{what[1:]}{detail}."
     if rivals:
-        others = " or ".join(_at(r) for r in rivals)
+        others = " or ".join(explanation_name(r.kind, r.site) for r in rivals)
         text += f" These recordings cannot tell it from {others}."
     return text
-
-
-def _at(explanation: NamedEffect | Rival) -> str:
-    if explanation.kind == WRONG_VALUE:
-        return f"a wrong value of the {spaced(explanation.site)}"
-    return f"{kind_name(explanation.kind)} at the {site_name(explanation.site)}"
 
 
 def _times(ratio: float) -> str:
@@ -120,7 +175,7 @@ def verdict_sentence(
         names = [
             f"the {spaced(e.site)}, which comes out as {quantity(e.parameters['value'])}"
             if e.kind == WRONG_VALUE
-            else _at(e)
+            else explanation_name(e.kind, e.site)
             for e in effects
         ]
         # Names that carry a clause of their own need a stronger mark between them.

@@ -19,7 +19,7 @@ from .result import Errors, Trace
 from .setting import Setting, lanes_for
 from .solve import solve
 
-_START = 0.5
+START = 0.5
 """Time from which an initial state is estimated [s]."""
 
 
@@ -73,7 +73,7 @@ def _simulate(
 ) -> tuple[Batch, NDArray[np.float64]]:
     batch = lanes_for(engine.table, plant, setting, recordings, window, like)
     times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
-    early = (times <= _START)[:, :, None]
+    early = (times <= START)[:, :, None]
     lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
     started = solve(
         engine,

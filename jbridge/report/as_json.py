@@ -1,5 +1,6 @@
 """`report.json` and `fit.json`: for programs, in SI units; what is not known is null, never NaN."""
 
+import dataclasses
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -27,7 +28,9 @@ def report_json(diagnosis: Diagnosis) -> str:
             "effects": [_effect(effect) for effect in diagnosis.effects],
             "model_effects": [_effect(effect) for effect in diagnosis.model_effects],
             "fit": _before_and_after(diagnosis),
+            "not_seen": [dataclasses.asdict(row) for row in diagnosis.not_seen],
             "next_experiment": _next_experiment(diagnosis),
+            "continued": None if diagnosis.continued is None else dataclasses.asdict(diagnosis.continued),
             "bridge": _estimates(diagnosis.bridge),
             "holdout": diagnosis.holdout,
             "trials": diagnosis.trials,
@@ -155,7 +158,13 @@ def _next_experiment(diagnosis: Diagnosis) -> dict[str, Any] | None:
     experiment = diagnosis.next_experiment
     if experiment is None:
         return None
-    return {"purpose": experiment.purpose, "input": INPUT_FILE, "separates": experiment.separates}
+    return {
+        "purpose": experiment.purpose,
+        "input": INPUT_FILE,
+        "separates": experiment.separates,
+        "expected_wrong": experiment.expected_wrong,
+        "start": experiment.start,
+    }
 
 
 def _as_text(document: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from .html import (
     table,
     tag,
 )
+from .next_steps import continued_section, next_section, not_seen_section
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, digits, percent, shown
 from .rows import error_rows, error_text, is_changed
@@ -32,13 +33,15 @@ def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
         f"{heading(diagnosis.verdict, (e.kind for e in diagnosis.effects))} - jbridge",
         [
             _header(diagnosis),
+            continued_section(diagnosis),
             _fit(diagnosis, gallery),
             _effects(diagnosis, gallery),
             _place(diagnosis, gallery),
             section("Recorded and simulated", show_all(gallery.signals)),
             section("What simulation leaves", show_all(gallery.residuals)),
             _parameters(diagnosis, gallery),
-            _next_experiment(diagnosis),
+            not_seen_section(diagnosis),
+            next_section(diagnosis),
             _trials(diagnosis),
             section("Notes on the recordings", bullets(diagnosis.notes)),
             _footer(diagnosis),
@@ -247,18 +250,6 @@ def _parameters(diagnosis: Diagnosis, gallery: Gallery) -> str:
             show((gallery.maps or {}).get((effect.kind, effect.site))),
         ]
     return section("The model's own numbers, refitted", *pieces)
-
-
-def _next_experiment(diagnosis: Diagnosis) -> str:
-    experiment = diagnosis.next_experiment
-    if experiment is None:
-        return ""
-    return section(
-        "What to record next",
-        paragraph(experiment.purpose),
-        paragraph("It would separate:") + bullets(experiment.separates) if experiment.separates else "",
-        paragraph("The input is in next_experiment.csv beside this page, ready to play."),
-    )
 
 
 def _trials(diagnosis: Diagnosis) -> str:

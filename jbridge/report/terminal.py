@@ -9,6 +9,7 @@ from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identify.result import Estimate, Fit, Trace
 from .as_json import INPUT_FILE
 from .files import PathLike
+from .next_steps import limit_text
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, join_unit, percent
 from .rows import error_rows, is_changed, parameter_rows, parts
@@ -16,6 +17,8 @@ from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
 _WIDTH = 88
 _INDENT = 12
+_MOST_UNSEEN = 6
+"""Effects that may hide and are listed here; the page has all."""
 
 
 def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> str:
@@ -30,6 +33,8 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
         *_wrapped("", diagnosis.statement),
         "",
     ]
+    if diagnosis.continued is not None:
+        lines += [*_wrapped("Continued", diagnosis.continued.statement), ""]
     lines += _wrapped("Place", _place(diagnosis))
     for sentence in [*where_sentences(diagnosis), *when_sentences(diagnosis)]:
         lines += _wrapped("", sentence)
@@ -39,9 +44,12 @@ def describe_diagnosis(diagnosis: Diagnosis, folder: PathLike | None = None) -> 
         lines += _effect(effect, diagnosis)
     lines += ["", *_fit(diagnosis)]
     lines += _remarks(diagnosis.warnings, diagnosis.notes, diagnosis.traces)
+    lines += _unseen(diagnosis)
     if diagnosis.next_experiment is not None:
-        where = f" (input in {Path(folder) / INPUT_FILE})" if folder is not None else ""
-        lines += ["", *_wrapped("Record next", diagnosis.next_experiment.purpose + where)]
+        experiment = diagnosis.next_experiment
+        chance = f" Expected chance of a wrong decision: {percent(experiment.expected_wrong)}."
+        where = f" The input is in {Path(folder) / INPUT_FILE}." if folder is not None else ""
+        lines += ["", *_wrapped("Record next", experiment.purpose + chance + where)]
     if folder is not None:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'report.html'}"]
         lines += [f"{'':{_INDENT}}{Path(folder) / 'report.json'}, {Path(folder) / 'model.toml'}"]
@@ -146,6 +154,21 @@ def _remarks(warnings: Iterable[str], notes: Iterable[str], traces: Iterable[Tra
     named += [("Note", text) for text in notes if not text.startswith(files)]
     lines = [line for name, text in named for line in _wrapped(name, text)]
     return ["", *lines] if lines else []
+
+
+def _unseen(diagnosis: Diagnosis) -> list[str]:
+    """What may hide in the recordings and is more than noise; each effect once."""
+    limits: dict[str, str] = {}
+    for row in diagnosis.not_seen:
+        if row.notable:
+            how = "beyond" if row.parameter in ("stiffness", "limit", "position") else "up to"
+            size = f" ({how} {limit_text(row)})" if row.limit is not None else ""
+            limits.setdefault(effect_name(row.kind, row.site), size)
+    if not limits:
+        return []
+    named = [name + size for name, size in limits.items()]
+    more = f"; and {len(named) - _MOST_UNSEEN} more, see the report" if len(named) > _MOST_UNSEEN else ""
+    return ["", *_wrapped("Unseen", f"may be there all the same: {'; '.join(named[:_MOST_UNSEEN])}{more}.")]
 
 
 def _with_ratio(error: str, ratio: str) -> str:

@@ -58,6 +58,22 @@ def test_the_final_model_has_the_effect(missing):
     assert [e.kind for e in missing.model_effects] == ["coulomb_friction"]
 
 
+def test_what_was_not_named_has_limits(missing):
+    """Every effect of a cart once, but for what was named and what the model has."""
+    kinds = {(row.kind, row.site) for row in missing.not_seen}
+    assert {
+        ("dead_zone", "cart_drive"),
+        ("end_stop", "cart"),
+        ("backlash", "cart"),
+        ("wrong_value", "cart_mass"),
+    } <= kinds
+    assert not kinds & {("quadratic_drag", "cart"), ("coulomb_friction", "cart"), ("coulomb_friction", "hoist")}
+    rows = {(row.kind, row.parameter): row for row in missing.not_seen}
+    # A cart's readings tell nothing of where its zero is, and little stays hidden of a constant force.
+    assert rows["sensor_offset", "offset"].limit is None and rows["sensor_offset", "offset"].notable
+    assert 0 < rows["constant_force", "level"].limit < 0.05 and not rows["constant_force", "level"].notable
+
+
 def test_wrong_numbers_alone_raise_no_alarm():
     runs = rig()
     found = diagnose(model(), runs[:3], runs[3:])

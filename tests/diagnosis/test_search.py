@@ -10,6 +10,7 @@ from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
+from jbridge.diagnosis.ties import ties
 from jbridge.diagnosis.trials import beyond_belief, cross_validated, transfer
 from jbridge.identify.lanes import make_batch
 from jbridge.model.effects.catalogue import make_effect
@@ -121,6 +122,29 @@ def test_plain_friction_is_tried_beside_every_law():
     assert with_simpler([law, drag], ranked) == [law, drag, plain]
     assert with_simpler([law, plain], ranked) == [law, plain]
     assert with_simpler([drag], ranked) == [drag]
+
+
+def test_what_is_expected_to_explain_the_same_is_tied():
+    """Laws that contain the winner crowd out others, but are no rivals of it themselves."""
+    winner = Candidate("coulomb_friction", "cart", {}, (), False)
+    none = (), np.zeros(0), np.zeros(0)
+    crowd = [
+        Screened(Candidate(kind, "cart", {}, (), False), 99.0, 0.0, *none)
+        for kind in ("direction_dependent_friction", "stribeck_friction")
+    ]
+    plain, tilt, dead = (
+        screened(kind, site, cost)
+        for kind, site, cost in (
+            ("coulomb_friction", "cart", 100.0),
+            ("constant_force", "cart", 101.0),
+            ("dead_zone", "cart_drive", 101.5),
+        )
+    )
+    far = screened("spring_force", "cart", 150.0)
+    ranked = [*crowd, plain, tilt, dead, far]
+    assert ties(ranked, winner, [winner.name]) == [tilt, dead]
+    assert ties(ranked, winner, [winner.name, tilt.candidate.name]) == [dead]
+    assert ties(ranked[1:2], winner, []) == []
 
 
 @pytest.mark.parametrize(

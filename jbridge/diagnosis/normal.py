@@ -1,0 +1,131 @@
+"""Normal equations of a base model's numbers and of what effects that it lacks would do, initial states eliminated."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.base import columns_for
+from ..identify.lanes import Batch
+from ..identify.linearise import Engine, Gram
+from ..identify.solve import Reduced, bounded_step, reduce
+from .candidates import Candidate
+from .columns import candidate_columns
+
+
+@dataclasses.dataclass(frozen=True)
+class Normal:
+    """Normal equations of base parameters and all null candidates, by lane, initial states eliminated."""
+
+    matrix: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    count: NDArray[np.float64]
+    """Measured values of each lane."""
+
+    def over(self, lanes: NDArray[np.bool_]) -> "Sum":
+        return Sum(self.matrix[lanes].sum(axis=0), self.gradient[lanes].sum(axis=0), float(self.cost[lanes].sum()))
+
+
+@dataclasses.dataclass(frozen=True)
+class Sum:
+    """Normal equations summed over some lanes."""
+
+    matrix: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    cost: float
+
+    def step(
+        self,
+        columns: NDArray[np.int64],
+        at: NDArray[np.float64],
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Bounded Gauss-Newton step in some columns."""
+        matrix = self.matrix[np.ix_(columns, columns)]
+        none = np.zeros((0, len(columns), len(columns)))
+        reduced = Reduced(matrix, self.gradient[columns], np.diag(matrix).copy(), none, none[:, 0], none, none[:, 0])
+        return bounded_step(reduced, at, low, high, 1e-9)
+
+    def after(self, columns: NDArray[np.int64], step: NDArray[np.float64]) -> float:
+        """Predicted cost after a step."""
+        matrix = self.matrix[np.ix_(columns, columns)]
+        return self.cost + float(2 * self.gradient[columns] @ step + step @ matrix @ step)
+
+
+def tangents(
+    engine: Engine,
+    batch: Batch,
+    vector: NDArray[np.float64],
+    free: NDArray[np.int64],
+    extra: NDArray[np.int64],
+    initial: NDArray[np.float64],
+    effects: Sequence[Candidate],
+) -> tuple[Gram, list[NDArray[np.float64]]]:
+    """The base model's own tangents, and weighted tangents of the readings for effects, then for known numbers.
+
+    Args:
+        engine, batch, vector, free, extra, initial: as `screen` has them.
+        effects: candidates without a hidden coordinate, wrong values left out.
+    """
+    base = len(free)
+    width = columns_for(base + len(extra))
+    places = np.concatenate([free, extra])[None]
+    gram = engine.gram(vector[None], places, initial[None], batch, columns=width, keep=True)
+    assert gram.tangents is not None
+    columns = candidate_columns(engine.table, vector, batch, initial, effects)
+    correct_locked(effects, columns, gram.tangents[0, :, width + 2], batch, initial)
+    columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
+    return gram, columns
+
+
+def correct_locked(
+    everything: Sequence[Candidate],
+    columns: list[NDArray[np.float64]],
+    by_length: NDArray[np.float64],
+    batch: Batch,
+    initial: NDArray[np.float64],
+) -> None:
+    """Where the rope is locked, a wrong length sensor means another length, not another reading."""
+    locked = np.asarray(batch.lanes.lane.active.l) == 0
+    if not locked.any():
+        return
+    for i, candidate in enumerate(everything):
+        if candidate.site != "l_sensor":
+            continue
+        factor = {"sensor_offset": -np.ones(len(initial)), "sensor_scale": -initial[:, 2]}.get(candidate.kind)
+        for lane in np.flatnonzero(locked):
+            columns[i][lane] = 0.0 if factor is None else factor[lane] * by_length[lane]
+
+
+def normal_equations(
+    gram: Gram,
+    batch: Batch,
+    initial: NDArray[np.float64],
+    base: int,
+    width: int,
+    columns: Sequence[NDArray[np.float64]],
+) -> Normal:
+    assert gram.tangents is not None
+    weight = np.asarray(batch.lanes.weight)
+    residual = ((gram.predicted[0] - np.asarray(batch.lanes.y)) * weight).reshape(batch.count, -1)
+    states = initial.shape[1]
+    total = base + sum(c.shape[1] for c in columns)
+    matrix = np.empty((batch.count, total, total))
+    gradient = np.empty((batch.count, total))
+    cost = np.empty(batch.count)
+    for lane in range(batch.count):
+        start = gram.tangents[0, lane, width : width + states]
+        table = np.concatenate(
+            [gram.tangents[0, lane, :base], *(c[lane] for c in columns), start, residual[lane][None]]
+        )
+        products = table @ table.T
+        full = reduce(
+            products[None], total, total, initial[lane][None], batch.initial[lane][None], batch.prior[lane][None]
+        )
+        matrix[lane], gradient[lane] = full.by_lane[0], full.gradient_by_lane[0]
+        cost[lane] = products[-1, -1]
+    count = (weight > 0).reshape(batch.count, -1).sum(axis=1).astype(float)
+    return Normal(matrix, gradient, cost, count)
