@@ -15,7 +15,8 @@ def controller(load, swing, itae, late=None):
     """Two moves on the rig; two bridges with two moves each, all alike but one."""
     move = {
         "settling": {"x": load, "l": load, "load": load}, "overshoot": {"x": 0.01, "l": 0.002},
-        "swing": np.radians(swing), "itae": {"x": itae, "l": itae}, "run": RUN, "reference": {key: RUN[key] for key in ("t", "x", "l")},
+        "swing": np.radians(swing), "itae": {"x": itae, "l": itae}, "run": RUN,
+        "reference": {key: RUN[key] for key in ("t", "x", "l")},
     }  # fmt: skip
     held = {"residual_swing": [[np.radians(swing)] * 2] * 2, "itae_x": [[itae] * 2] * 2, "itae_l": [[itae] * 2] * 2}
     return {"rig": [move, move], "measures": {"held_out": held | {"settling_load": [[load, load], [load, late]]}}}
