@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import AXES
+from ..model.parameters import ParameterTable
 from .lanes import Batch
 from .linearise import Engine, Gram
 
@@ -181,9 +183,8 @@ def solve(
     # A start that runs away has no tangents to go by.
     active = np.array([np.isfinite(own).all() for own in products])
     quiet = np.zeros(rows, int)
-    room = np.where(np.isfinite(batch.prior), _REACH / np.where(batch.prior > 0, batch.prior, 1.0), 0.0)
-    room[batch.prior == 0] = np.inf
-    least, most = batch.initial - room, batch.initial + room
+    rooms = np.array([_room(engine.table, vectors[i], free[i], batch) for i in range(rows)])
+    leasts, mosts = batch.initial - rooms, batch.initial + rooms
     done = 0
     for done in range(1, iterations + 1):
         chosen = np.flatnonzero(active)
@@ -192,7 +193,7 @@ def solve(
         trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
-            prior = batch.prior
+            prior, least, most = batch.prior, leasts[r], mosts[r]
             for _ in range(2):
                 reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, prior, damping[r])
                 step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
@@ -227,6 +228,22 @@ def solve(
             costs = products[:, :, -1, -1].sum(axis=1)
             active &= costs <= drop * np.nanmin(costs)
     return Fits(vectors, list(free), initial, Gram(products, predicted), done)
+
+
+def _room(
+    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], batch: Batch
+) -> NDArray[np.float64]:
+    """How far each initial value may move from its first guess, `(lane, state)`."""
+    room = np.where(np.isfinite(batch.prior), _REACH / np.where(batch.prior > 0, batch.prior, 1.0), 0.0)
+    room[batch.prior == 0] = np.inf
+    for k, axis in enumerate(AXES):
+        for places in table.of_site(f"{axis}_sensor").values():
+            null = table.entry(places[0]).info.null
+            if np.isin(places, free).any() or not np.allclose(vector[places], null):
+                # Guesses are made from readings, and this sensor may read something else than the truth.
+                room[:, k] = np.where(np.isfinite(batch.prior[:, k]), np.inf, 0.0)
+                break
+    return room
 
 
 def _foreseen(

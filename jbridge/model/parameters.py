@@ -116,6 +116,14 @@ class ParameterTable:
             return self._positions[found.pop()]
         raise KeyError(name)
 
+    def of_site(self, site: str) -> dict[str, list[int]]:
+        """Places in the vector of all parameters of effects at a site, by name."""
+        return {
+            name: places
+            for name, places in self._positions.items()
+            if "@" in name and "[" not in name and name.split("@")[1].split(".")[0].split("#")[0] == site
+        }
+
     def option_place(self, group: str) -> int:
         """Place of an option's index, such as `end_stop@cart.end`."""
         return self._options[group]

@@ -11,8 +11,8 @@ from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
 from jbridge.identify.solve import Reduced, bounded_step, reduce, solve
 from jbridge.rollout import MIDPOINT, readings, rollout
-from tests.identify.cases import NOISE, cart_recordings
-from tests.problems import make_plant
+from tests.identify.cases import NOISE, cart_recordings, play, steps
+from tests.problems import LOCKED_ROPE, make_plant
 
 TRUTH = make_plant(cart_damping=50.0, cart_gain=17.0)
 """Without friction: a smooth problem has one optimum, and both solvers must find it to many digits."""
@@ -62,6 +62,21 @@ def test_the_optimum_is_that_of_optimistix(problem):
     # The recordings hold noise of the size that was told, so the optimum stands at one.
     count = (np.asarray(batch.lanes.weight) > 0).sum()
     assert float(found.cost[0]) / count == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_start_that_a_sensor_misreads_may_move_as_far_as_it_misreads():
+    """An offset of 40 times the noise, from rest: the first guess of the angle is what the sensor reads."""
+    offset = ("sensor_offset", "psi_sensor", {"offset": 0.03})
+    truth, given = make_plant(offset), make_plant(("sensor_offset", "psi_sensor", {"offset": 0.0}))
+    volts = [np.stack([np.append(np.zeros(30), steps(570, k)), np.zeros(600)], axis=1) for k in range(2)]
+    runs = [play(truth, u, active=LOCKED_ROPE, start={"x": 0.5, "l": 0.7}, seed=k) for k, u in enumerate(volts)]
+    engine = Engine(given)
+    batch = make_batch(runs, NOISE, size=engine.table.size)
+    place = engine.table.positions("sensor_offset@psi_sensor.offset")
+    vector = np.array(engine.table.ravel(given))
+    found = solve(engine, batch, vector[None], [np.array(place)], columns=8, iterations=30)
+    assert found.vectors[0, place[0]] == pytest.approx(0.03, abs=2e-4)
+    assert np.abs(found.initial[0][:2, 1]).max() < 2e-3 and np.abs(batch.initial[:2, 1] - 0.03).max() < 2e-3
 
 
 def test_rows_are_fits_of_their_own(problem):
