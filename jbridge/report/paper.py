@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..control.paper import ERROR_RANGE, cart_system, hoist_system
-from ..diagnosis.names import kind_name, site_name
 from ..errors import InputError
 from ..fuzzy.inference import Mamdani
 from .figures.paper import (
@@ -23,6 +22,7 @@ from .figures.paper import (
 )
 from .figures.style import Picture
 from .files import PathLike, make_folder, write_bytes, write_text
+from .words import effect_name
 
 TABLE = "paper-table.md"
 _SOUGHT = ("steps", "tracking", "friction", "numbers")
@@ -187,7 +187,7 @@ def _words(saved: Mapping[str, Any]) -> list[str]:
         )
     if "diagnosis" in saved:
         told = saved["diagnosis"]
-        named = ", ".join(f"{kind_name(kind)} at the {site_name(site)}" for kind, site in told["effects"])
+        named = "; ".join(effect_name(kind, site) for kind, site in told["effects"])
         rows.append(
             (
                 "friction by place and direction, dead zones and the winch's delay have to be modelled",

@@ -146,7 +146,9 @@ def draw_starts(starts: Mapping[str, Any]) -> Picture:
         figure.legend(loc="outside upper left", ncols=3)
 
     said = f"{int(arrived.sum())} of {len(ratios)} starts come within 1 % of the smallest error"
-    return picture("paper-starts", "The estimation from many random starts", 0.9 + 0.2 * len(numbers), draw, said)
+    return picture(
+        "paper-starts", "The estimation from many random starts, virtual rig", 0.9 + 0.2 * len(numbers), draw, said
+    )
 
 
 def draw_friction(rows: Sequence[Mapping[str, Any]]) -> Picture:
