@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
+from matplotlib.ticker import NullFormatter
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Rectangle
 from numpy.typing import NDArray
 
@@ -140,15 +141,15 @@ def draw_starts(starts: Mapping[str, Any]) -> Picture:
         panel.set_xscale("log")
         panel.set_xlim(0.15, 7.0)
         panel.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+        panel.xaxis.set_minor_formatter(NullFormatter())
         panel.set_yticks(range(len(numbers)), [n["name"].replace("_", " ") for n in numbers], fontsize=7.5)
         panel.invert_yaxis()
         panel.set_xlabel("value over the median of those that arrived")
         figure.legend(loc="outside upper left", ncols=3)
 
     said = f"{int(arrived.sum())} of {len(ratios)} starts come within 1 % of the smallest error"
-    return picture(
-        "paper-starts", "The estimation from many random starts, virtual rig", 0.9 + 0.2 * len(numbers), draw, said
-    )
+    title = f"The estimation from many random starts, {RIG}"
+    return picture("paper-starts", title, 0.9 + 0.2 * len(numbers), draw, said)
 
 
 def draw_friction(rows: Sequence[Mapping[str, Any]]) -> Picture:
