@@ -85,7 +85,7 @@ def test_starts_and_diagnosis_are_told_where_they_were_run(tmp_path):
     content["starts"] = {"ratios": ratios, "numbers": [number], "window": 2.0}
     content["diagnosis"] = {"verdict": "missing_physics", "effects": [["dead_zone", "cart_drive"]], "seconds": 1.0}
     text = paper_tables(content)
-    assert "2 of 3 random starts" in text and "dead zone at the cart drive" in text
+    assert "2 of 3 random starts" in text and "dead zone, cart drive" in text
     data = tmp_path / "paper.json"
     data.write_text(json.dumps(content))
     assert main(["figures", "--data", str(data), "--out", str(tmp_path)]) == 0

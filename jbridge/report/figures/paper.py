@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
-from matplotlib.ticker import NullFormatter
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Rectangle
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from ...fuzzy.inference import Mamdani
