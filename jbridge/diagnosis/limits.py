@@ -29,6 +29,8 @@ from .trials import State
 from .words import assumed, limit_sentence
 
 _NORMAL = 1.959964
+_BEYOND = 1e6
+"""A number that no effect of a laboratory's bridge reaches, in whatever unit: what has no limit below it has none."""
 _CALLED_UP = 0.02
 """Root mean square response over the noise from which a finite seed counts as called up at all."""
 
@@ -78,7 +80,7 @@ def _of_null(seeds: Sequence[Look], inputs: Mapping[str, str], given: ParameterT
         sizes = [tuple(float(np.hypot.reduce(part)) for part in zip(*both, strict=True)) for both in by_phase.values()]
         limit = float(max(e for e, _ in sizes) + _NORMAL * max(s for _, s in sizes))
         change = limit * max(c for _, _, c in parts)
-        rows.append(_row(kind, site, key, None if taken_up else limit, unit, change))
+        rows.append(_row(kind, site, key, limit if not taken_up and limit < _BEYOND else None, unit, change))
     called = {key for seed in seeds for key in seed.keys}
     for key in seeds[0].candidate.free:
         if kind != WRONG_VALUE and parameters_of(KINDS[kind])[key].vector and key not in called:
