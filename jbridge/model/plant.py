@@ -247,10 +247,7 @@ class Plant(eqx.Module):
             positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
             negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))
         w = ((w_x, w_xp, w_xl), (w_xp, inv.pp, w_pl), (w_xl, w_pl, w_l))
-        effective = tuple(1.0 / (w[i][i] + _TINY) for i in range(3))
-        w, effective, rest, inv, free, positive, negative = materialise(
-            (w, effective, rest, inv, free, positive, negative), go
-        )
+        w, rest, inv, free, positive, negative = materialise((w, rest, inv, free, positive, negative), go)
         rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
         contact = train if isinstance(train, Backlash) else None
         f = [jnp.zeros_like(q.x)] * 3
@@ -282,7 +279,7 @@ class Plant(eqx.Module):
                         a_free = a_free + w[i][j] * f[j]
                 if contact is not None:
                     a_free = a_free + u[i] * thrust
-                friction = _mean_friction(moving[i], a_free, w[i][i], effective[i], positive[i], negative[i], h)
+                friction = _mean_friction(moving[i], a_free, w[i][i], positive[i], negative[i], h)
                 f[i] = materialise(friction, go)
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
@@ -308,18 +305,17 @@ _TINY = 1e-30
 """Keeps finite the friction of a locked axis, whose inverse mass is 0, and that of a step of no length."""
 
 
-def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, mass: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
+def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
     """Coulomb's friction averaged over a step.
 
     Args:
         v: velocity at the step's beginning.
         a_free: the axis' acceleration without its own friction.
         w: its inverse effective mass, 0 if it is locked.
-        mass: `1 / w`, large if it is locked.
         up, down: levels against positive and against negative motion.
         h: length of the step [s].
     """
-    needed = -a_free * mass
+    needed = -a_free / (w + _TINY)
     # Written out, because a clip between equal bounds has no gradient towards them.
     holding = jnp.where(needed < -up, -up, jnp.where(needed > down, down, needed))
     sliding = jnp.where(v > 0, -up, down)

@@ -126,7 +126,7 @@ def test_left_out_numbers(write):
             lacking = load_model(write(f"[bridge]\ncart_mass = 2.0\ncart_gain = 3.0\n{given}"))
             with pytest.raises(InputError, match=rf"model.toml, \[bridge\]: no {key}.*add {key} = "):
                 requires(lacking, axes)
-    with pytest.raises(InputError, match="no cart_mass and no cart_gain, but the recordings show a cart"):
+    with pytest.raises(InputError, match="no cart_mass and no cart_gain, but there is a cart to move"):
         requires(load_model(write("[bridge]\nload_mass = 0.1\n")), ("x", "psi"))
 
 
