@@ -98,6 +98,7 @@ def closed_loop(
         reading = read(plant, t + times_back, *carry.trail)[-1]
         return Axes(reading[0], reading[1], reading[2])
 
+    controller = controller.ready()
     begin = _Carry(first, None, jnp.zeros((memory, 2), one.dtype), (trail[0], rest))
     begin = begin._replace(controller=controller.start(look(begin, jnp.zeros_like(one))))
 
@@ -110,7 +111,7 @@ def closed_loop(
         lane = Lane(t, step[None], inputs, jnp.full(memory, step), moving)
         told, _ = timetable(plant, lane, substeps)
         interval = jax.tree.map(lambda leaf: leaf[0], told)._replace(number=number)
-        motions = advance(plant, carry.motions, interval, moving, method=method)
+        motions = advance(plant, carry.motions, interval, moving, method=method, keep=keep)
         later = jax.tree.map(
             lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), carry.trail, (motions.q, motions.v)
         )

@@ -143,9 +143,29 @@ def play(
     first, told = prepare(plant, initial, lane, substeps)
 
     def step(carry: Motions, now: Interval) -> tuple[Motions, Sample]:
-        return advance(plant, carry, now, moving, method=method), Sample(carry.q, carry.v, now.t[0])
+        return advance(plant, carry, now, moving, method=method, keep=keep), Sample(carry.q, carry.v, now.t[0])
 
     return collect.run(step if keep else jax.checkpoint(step), first, told)
+
+
+class _Part(NamedTuple):
+    """What makes one stage of a step different from another."""
+
+    node: Scalar | float
+    weight: Scalar | float
+    reach: Scalar | float
+    """How far from the step's beginning the next stage is, as a share of the step."""
+    volts: Axes
+
+
+class _Stage(NamedTuple):
+    """Where a stage looks at the bridge, and what the stages before add up to."""
+
+    q: Motion
+    v: Motion
+    z: Scalar | None
+    dq: Motion
+    dv: Motion
 
 
 class Interval(NamedTuple):
@@ -205,8 +225,13 @@ def advance(
     *,
     method: Method = MIDPOINT,
     push: Push | None = None,
+    keep: bool = True,
 ) -> Motions:
-    """The motion one interval later, with an optional push held over it (for linearisation)."""
+    """The motion one interval later, with an optional push held over it (for linearisation).
+
+    Without `keep`, reverse-mode differentiation computes every stage of a step anew from its positions and
+    velocities: less to write to memory and to read back than what it takes to compute.
+    """
     constants = plant.time_constants()
     presliding = plant.only(PreslidingFriction)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
@@ -229,36 +254,32 @@ def advance(
             at_once = (g + lead * (e - g) for g, e in zip(target, first_target, strict=True))
             return Axes(*(jnp.where(c > 0, s, g) for c, s, g in zip(constants, lagging, at_once, strict=True)))
 
-        first = carry.v.at_drives()
-        dq, dv = _zeros_like(carry.q), _zeros_like(carry.v)
-        stage_q, stage_v, stage_z = carry.q, carry.v, carry.z
-        stages = zip(method.nodes, method.weights, method.leads, strict=True)
-        for i, (node, weight, lead) in enumerate(stages):
-            a = _acceleration(
-                plant,
-                t + node * h,
-                stage_q,
-                stage_v,
-                lag_at(node, lead),
-                stage_z,
-                active,
-                (carry.q, carry.v),
-                h,
-                go,
-                push,
-            )
+        def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
+            begun = (carry.q, carry.v)
+            a = _acceleration(plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push)
             a = materialise(a, go)
-            if weight:
-                dq, dv = _add(dq, stage_v, weight * h), _add(dv, a, weight * h)
-            if i + 1 < len(method.nodes):
-                reach = method.nodes[i + 1] * h
-                if presliding is not None and carry.z is not None:
-                    stage_z = presliding.deflection(carry.z, stage_v.at_drives().x, reach)
-                stage_q, stage_v = _add(carry.q, stage_v, reach), _add(carry.v, a, reach)
-        q_next, v_next = _add(carry.q, dq, 1.0), _add(carry.v, dv, 1.0)
+            z = at.z
+            if presliding is not None and carry.z is not None:
+                z = presliding.deflection(carry.z, at.v.at_drives().x, part.reach * h)
+            q, v = _add(carry.q, at.v, part.reach, h), _add(carry.v, a, part.reach, h)
+            return _Stage(q, v, z, _add(at.dq, at.v, part.weight, h), _add(at.dv, a, part.weight, h)), None
+
+        still = jax.tree.map(jnp.zeros_like, (carry.q, carry.v))
+        at = _Stage(carry.q, carry.v, carry.z, *still)
+        nodes, weights, leads = method.nodes, method.weights, method.leads
+        reaches = (*nodes[1:], 0.0)
+        volts = [lag_at(node, lead) for node, lead in zip(nodes, leads, strict=True)]
+        parts = [_Part(*numbers) for numbers in zip(nodes, weights, reaches, volts, strict=True)]
+        if keep:
+            for part in parts:
+                at, _ = stage(at, part)
+        else:
+            rows = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf, h.dtype) for leaf in leaves]), *parts)
+            at, _ = jax.lax.scan(jax.checkpoint(stage), at, rows)
+        q_next, v_next = _add(carry.q, at.dq), _add(carry.v, at.dv)
         z_next = carry.z
         if presliding is not None and carry.z is not None:
-            z_next = presliding.deflection(carry.z, 0.5 * (first.x + v_next.at_drives().x), h)
+            z_next = presliding.deflection(carry.z, 0.5 * (carry.v.at_drives().x + v_next.at_drives().x), h)
         return Motions(q_next, v_next, lag_at(1.0), z_next), None
 
     steps = now._replace(number=jnp.zeros_like(now.h, dtype=now.number.dtype))
@@ -341,9 +362,7 @@ _acceleration = jax.jit(Plant.acceleration)
 """Jitted on its own, so that the stages of a step share one trace: half the time before the compiler starts."""
 
 
-def _zeros_like(motion: Motion) -> Motion:
-    return jax.tree.map(jnp.zeros_like, motion)
-
-
-def _add(base: Motion, change: Motion, factor: Scalar | float) -> Motion:
-    return jax.tree.map(lambda b, c: b + factor * c, base, change)
+def _add(base: Motion, change: Motion, share: Scalar | float = 1.0, h: Scalar | float = 1.0) -> Motion:
+    if isinstance(share, float) and share == 0.0:
+        return base
+    return jax.tree.map(lambda b, c: b + share * h * c, base, change)

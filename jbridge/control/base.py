@@ -27,6 +27,10 @@ class Reference(eqx.Module):
 class AbstractController(eqx.Module):
     """A law that is asked once every sampling period."""
 
+    def ready(self) -> "AbstractController":
+        """The same law for use in a loop, with what does not depend on the measurements computed."""
+        return self
+
     @abc.abstractmethod
     def start(self, measured: Axes) -> Any:
         """The controller's own state before the first sample.

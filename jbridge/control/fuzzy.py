@@ -1,5 +1,7 @@
 """The paper's two fuzzy controllers: one for the cart's position, one for the rope's length."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -33,6 +35,9 @@ class FuzzyController(AbstractController):
     compensation: Compensation | None = None
     relative_speed: bool = eqx.field(static=True, default=False)
     """Whether the systems are asked with the speed beyond the reference's: a wanted motion is not braked."""
+
+    def ready(self) -> "FuzzyController":
+        return dataclasses.replace(self, cart=self.cart.ready(), hoist=self.hoist.ready())
 
     def start(self, measured: Axes) -> tuple[Axes, Axes]:
         return self.differences.start(measured)

@@ -17,7 +17,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .columns import area_and_moment, columns, evaluate, known
+from .columns import columns, evaluate, known
+from .conclusions import AbstractConclusions, Columned, Gridded, Weighed
 from .defuzzify import AbstractDefuzzifier, Centroid
 from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
 from .rules import Clause, Labelled, Rule, Variable
@@ -54,6 +55,10 @@ class AbstractSystem(eqx.Module):
                 textbook's inference.
         """
 
+    def ready(self) -> "AbstractSystem":
+        """The same system for use in a loop, with what does not depend on the inputs computed."""
+        return self
+
 
 def strengths(
     inputs: Sequence[Variable],
@@ -82,61 +87,97 @@ class Mamdani(AbstractSystem):
     points: int = eqx.field(static=True, default=POINTS)
     """Number of points of the grid, both ends of the universe included."""
 
+    def ready(self) -> "Prepared":
+        return self._prepared(traced=True)
+
     def infer(self, values: Float[Array, " input"], *, softness: Softness = None) -> Inference:
-        strength = strengths(self.inputs, self.rules, values, self.conjunction, self.disjunction, softness)
-        outputs, fired = [], []
-        for number, variable in enumerate(self.outputs):
-            concluded = self.conclusions(strength, number, softness)
-            if not concluded:
-                outputs.append(variable.middle)
-                fired.append(jnp.zeros((), bool))
-                continue
-            clauses, weights = zip(*concluded, strict=True)
-            outputs.append(self._defuzzified(variable, clauses, weights, softness))
-            fired.append(jnp.stack([weight for _, weight in concluded]).max() > 0.0)
-        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
+        return self._prepared(traced=not known(values)).infer(values, softness=softness)
 
-    def conclusions(
-        self, strength: Sequence[Array], output: int, softness: Softness = None
-    ) -> list[tuple[Clause, Array]]:
-        """What the rules say about one output, and how strongly.
+    def _prepared(self, *, traced: bool) -> "Prepared":
+        said = tuple(self._said(number) for number in range(len(self.outputs)))
+        conclusions = tuple(
+            self._conclusions(variable, [clause for clause, _ in found], traced) if found else None
+            for variable, found in zip(self.outputs, said, strict=True)
+        )
+        rules = tuple(tuple(places for _, places in found) for found in said)
+        norms = self.conjunction, self.disjunction, self.aggregation
+        return Prepared(self.inputs, self.outputs, self.rules, *norms, rules, conclusions)
 
-        Where sets are put together by their maximum, rules with the same conclusion count as the strongest of them:
-        the clipped sets are nested.
+    def _said(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
+        """What is concluded about one output, and by which rules.
+
+        Where sets are put together by their maximum, rules with the same conclusion count as the strongest of them,
+        since the clipped sets are nested; where scaled sets are added up, as often as they fire.
         """
-        found: list[tuple[Clause, Array]] = []
-        for rule, weight in zip(self.rules, strength, strict=True):
+        joined = isinstance(self.aggregation, Maximum) or self._is_linear
+        found: list[tuple[Clause, tuple[int, ...]]] = []
+        for place, rule in enumerate(self.rules):
             for clause in rule.consequent:
                 if clause.variable != output:
                     continue
-                same = [i for i, (known, _) in enumerate(found) if known == clause]
-                if same and isinstance(self.aggregation, Maximum):
-                    found[same[0]] = (clause, self.aggregation(found[same[0]][1], weight, softness))
+                same = [i for i, (other, _) in enumerate(found) if other == clause]
+                if same and joined:
+                    found[same[0]] = (clause, (*found[same[0]][1], place))
                 else:
-                    found.append((clause, weight))
+                    found.append((clause, (place,)))
         return found
 
-    def _defuzzified(
-        self, variable: Variable, clauses: Sequence[Clause], weights: Sequence[Array], softness: Softness
-    ) -> Array:
-        """One value for sets with firing strengths."""
+    @property
+    def _is_linear(self) -> bool:
+        """Whether what is put together is linear in the firing strengths."""
+        return isinstance(self.implication, Product) and isinstance(self.aggregation, Sum)
+
+    def _conclusions(self, variable: Variable, clauses: Sequence[Clause], traced: bool) -> AbstractConclusions:
+        """The sets of one output; `traced` in a program that is compiled."""
+        centroid = isinstance(self.defuzzifier, Centroid)
+        # Outside a compiled program many small operations cost more than a few large ones.
+        fixed = traced and known(variable)
+        shapes, grid = (
+            evaluate(_shapes, variable, clauses, self.points) if fixed else _shapes(variable, clauses, self.points)
+        )
         if (
-            isinstance(self.defuzzifier, Centroid)
+            fixed
+            and centroid
+            and not self._is_linear
             and isinstance(self.implication, Minimum | Product)
             and isinstance(self.aggregation, Maximum | Sum | ProbabilisticSum)
-            and known(variable)
-            # Outside a compiled program many small operations cost more than a few large ones.
-            and not known(weights)
         ):
-            shapes, grid = evaluate(_shapes, variable, clauses, self.points)
             found = columns(shapes, grid)
             if found is not None:
-                area, moment = area_and_moment(found, weights, self.implication, self.aggregation)
                 middle = float(0.5 * (grid[0] + grid[-1]))
-                return self.defuzzifier.balance(middle, area, moment, self.points, softness)
-        shapes, grid = _shapes(variable, clauses, self.points)
-        parts = [self.implication(shape, weight) for shape, weight in zip(shapes, weights, strict=True)]
-        return self.defuzzifier(grid, self.aggregation.all(parts), softness)
+                return Columned(tuple(found), middle, self.points, self.implication, self.aggregation)
+        if centroid and self._is_linear:
+            return Weighed.of(shapes, grid)
+        shapes, grid = tuple(jnp.asarray(shape) for shape in shapes), jnp.asarray(grid)
+        return Gridded(shapes, grid, self.implication, self.aggregation, self.defuzzifier)
+
+
+class Prepared(AbstractSystem):
+    """A Mamdani system with what its sets alone decide: for loops in which they do not change."""
+
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    rules: tuple[Rule, ...]
+    conjunction: AbstractNorm
+    disjunction: AbstractNorm
+    aggregation: AbstractNorm
+    concluding: tuple[tuple[tuple[int, ...], ...], ...] = eqx.field(static=True)
+    """Of every output and conclusion, the rules that conclude it."""
+    conclusions: tuple[AbstractConclusions | None, ...]
+    """Of every output; None where no rule speaks about it."""
+
+    def infer(self, values: Float[Array, " input"], *, softness: Softness = None) -> Inference:
+        strength = strengths(self.inputs, self.rules, values, self.conjunction, self.disjunction, softness)
+        outputs, fired = [], []
+        for variable, concluding, conclusions in zip(self.outputs, self.concluding, self.conclusions, strict=True):
+            if conclusions is None:
+                outputs.append(variable.middle)
+                fired.append(jnp.zeros((), bool))
+                continue
+            weights = [self.aggregation.all([strength[i] for i in rules], softness) for rules in concluding]
+            outputs.append(conclusions.value(weights, softness))
+            fired.append(jnp.stack(weights).max() > 0.0)
+        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
 
 
 def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:

@@ -8,12 +8,13 @@ import abc
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._math import decay
 from .._types import Scalar
-from .norms import Softness
+from .norms import Softness, between, lesser, weighed
 
 _NARROW = 1e-9
 """Width below which a flank counts as vertical, and a bell has this width."""
@@ -54,20 +55,29 @@ def _flanks(value: Array, rise: tuple[Array, Array], fall: tuple[Array, Array], 
     up = flank(*rise, value - rise[0], value >= rise[1])
     down = flank(*fall, fall[1] - value, value <= fall[0])
     if softness is None:
-        return jnp.clip(jnp.minimum(up, down), 0.0, 1.0)
-    return _at_least(_at_most(_at_most(up, down, softness), 1.0, softness), 0.0, softness)
+        return between(lesser(up, down), 0.0, 1.0)
+    width = jnp.asarray(softness, up.dtype)
+    height = _at_most(_at_most(up, down, width), 1.0, width)
+    # At least 0, its corner rounded alike.
+    return height - _at_most(height, 0.0, width)
 
 
-def _at_most(a: Array, b: Array | float, softness: Scalar | float) -> Array:
-    """The smaller of two heights, its corner rounded where they are closer than the softness."""
-    near = jnp.maximum(1.0 - jnp.abs(a - b) / softness, 0.0)
-    return jnp.minimum(a, b) - 0.25 * softness * near * near
+@jax.custom_jvp
+def _at_most(a: Array, b: Array | float, width: Array) -> Array:
+    """The smaller of two heights, its corner rounded where they are closer than a width."""
+    near = 1.0 - lesser(jnp.abs(a - b) / width, 1.0)
+    return lesser(a, b) - 0.25 * width * near * near
 
 
-def _at_least(a: Array, b: Array | float, softness: Scalar | float) -> Array:
-    """The larger of two heights, rounded alike."""
-    near = jnp.maximum(1.0 - jnp.abs(a - b) / softness, 0.0)
-    return jnp.maximum(a, b) + 0.25 * softness * near * near
+def _at_most_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    a, b, width = primals
+    near = 1.0 - lesser(jnp.abs(a - b) / width, 1.0)
+    by_a = jnp.where(a < b, 1.0 - 0.5 * near, 0.5 * near)
+    by_width = 0.25 * near * near - 0.5 * near
+    return _at_most(a, b, width), weighed(tangents, (by_a, 1.0 - by_a, by_width))
+
+
+_at_most.defjvp(_at_most_jvp, symbolic_zeros=True)
 
 
 class Triangular(AbstractMembership):
@@ -105,7 +115,7 @@ class Gaussian(AbstractMembership):
     def degree(self, value: Array, softness: Softness = None) -> Array:
         away = (value - self.centre) / jnp.maximum(jnp.abs(self.width), _NARROW)
         # Beyond 38 widths the degree is 0 in double precision; the square must stay finite for the gradient.
-        away = jnp.clip(away, -40.0, 40.0)
+        away = between(away, -40.0, 40.0)
         return decay(0.5 * away * away)
 
 

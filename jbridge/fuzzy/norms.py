@@ -10,11 +10,15 @@ rest of an inference.
 """
 
 import abc
+import functools
+import operator
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .._types import Scalar
@@ -23,24 +27,60 @@ Softness = Scalar | float | None
 """How close two degrees must be, relative to their sum [1], for the choice between them to be blurred; at most 1.
 None is the textbook's hard choice."""
 
+_TINY = 1e-30
 
-def _blur(a: Array, b: Array, softness: Scalar | float) -> Array:
+
+def lesser(a: Array, b: Array | float) -> Array:
+    """The smaller of two numbers; the second one where they are equal.
+
+    A choice, whose derivative is a choice again: that of `jnp.minimum` takes several times the code.
+    """
+    return jnp.where(a < b, a, b)
+
+
+def between(value: Array, low: Array | float, high: Array | float) -> Array:
+    """The nearest number between two others, by choices alone."""
+    return jnp.where(value < low, low, jnp.where(value > high, high, value))
+
+
+@jax.custom_jvp
+def _blurred_minimum(a: Array, b: Array, softness: Array) -> Array:
     reach = softness * (a + b)
-    near = jnp.maximum(reach - jnp.abs(a - b), 0.0)
+    near = lesser(jnp.abs(a - b) - reach, 0.0)
     # Where both degrees are 0 so is the blur.
-    return 0.25 * near * near / jnp.maximum(reach, 1e-30)
+    return lesser(a, b) - 0.25 * near * near / (reach + _TINY)
+
+
+def _blurred_minimum_jvp(primals: tuple[Array, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    a, b, softness = primals
+    reach = softness * (a + b)
+    share = -lesser(jnp.abs(a - b) - reach, 0.0) / (reach + _TINY)
+    # What a sum of degrees that grows takes from the blur, and what the gap between them gives.
+    sum_ = 0.5 * share * softness * (1.0 - 0.5 * share)
+    gap = 0.5 * share
+    by_a = jnp.where(a < b, 1.0 - gap, gap) - sum_
+    by_b = jnp.where(a < b, gap, 1.0 - gap) - sum_
+    by_softness = -0.5 * share * (a + b) * (1.0 - 0.5 * share)
+    return _blurred_minimum(*primals), weighed(tangents, (by_a, by_b, by_softness))
+
+
+_blurred_minimum.defjvp(_blurred_minimum_jvp, symbolic_zeros=True)
+
+
+def weighed(tangents: Sequence[Any], derivatives: Sequence[Array]) -> Array:
+    """The sum of tangents times derivatives, without those that are zero by structure."""
+    parts = [d * t for t, d in zip(tangents, derivatives, strict=True) if not isinstance(t, SymbolicZero)]
+    return functools.reduce(operator.add, parts)
 
 
 def minimum(a: Array, b: Array, softness: Softness = None) -> Array:
     """The smaller of two degrees, neither of them negative."""
-    lower = jnp.minimum(a, b)
-    return lower if softness is None else lower - _blur(a, b, softness)
+    return lesser(a, b) if softness is None else _blurred_minimum(a, b, jnp.asarray(softness, a.dtype))
 
 
 def maximum(a: Array, b: Array, softness: Softness = None) -> Array:
     """The larger of two degrees, neither of them negative."""
-    upper = jnp.maximum(a, b)
-    return upper if softness is None else upper + _blur(a, b, softness)
+    return jnp.where(a > b, a, b) if softness is None else a + b - minimum(a, b, softness)
 
 
 class AbstractNorm(eqx.Module):

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from .membership import AbstractMembership, as_number
-from .norms import AbstractNorm, Softness
+from .norms import AbstractNorm, Softness, between
 
 
 def check_labels(name: str, labels: Sequence[str], things: Sequence[object]) -> None:
@@ -50,7 +50,7 @@ class Variable(eqx.Module):
 
     def clip(self, value: Array) -> Array:
         """The nearest value of the universe: what lies beyond an end counts as that end."""
-        return jnp.clip(value, self.low, self.high)
+        return between(value, self.low, self.high)
 
     def grid(self, points: int) -> Float[Array, " point"]:
         """Equally spaced points of the universe, both ends included."""
