@@ -63,7 +63,7 @@ def closed_loop(
     active: Axes | None = None,
     method: Method = RK4,
     collect: AbstractCollector = Everything(),
-    keep: bool = True,
+    reverse: bool = False,
 ) -> Any:
     """Lets a controller move a plant along a reference.
 
@@ -78,7 +78,8 @@ def closed_loop(
         active: 1 for an axis that moves; by default all do.
         method: the Runge-Kutta method.
         collect: what to keep; a `Response` of all samples by default.
-        keep: whether reverse-mode differentiation keeps every step in memory; if not, it computes each period anew.
+        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does: the backward pass then computes
+            every period and every stage of a step anew, which takes far less memory than keeping them, and less time.
 
     Raises:
         ValueError: the plant has a delay, but nothing is to be remembered.
@@ -111,7 +112,7 @@ def closed_loop(
         lane = Lane(t, step[None], inputs, jnp.full(memory, step), moving)
         told, _ = timetable(plant, lane, substeps)
         interval = jax.tree.map(lambda leaf: leaf[0], told)._replace(number=number)
-        motions = advance(plant, carry.motions, interval, moving, method=method, keep=keep)
+        motions = advance(plant, carry.motions, interval, moving, method=method, reverse=reverse)
         later = jax.tree.map(
             lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), carry.trail, (motions.q, motions.v)
         )
@@ -119,4 +120,4 @@ def closed_loop(
         return _Carry(motions, state, inputs[1:] if memory else carry.past, later), response
 
     count = reference.x.shape[0]
-    return collect.run(tick if keep else jax.checkpoint(tick), begin, (jnp.arange(count), reference))
+    return collect.run(jax.checkpoint(tick) if reverse else tick, begin, (jnp.arange(count), reference))

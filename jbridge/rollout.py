@@ -121,7 +121,7 @@ def play(
     active: Axes | None = None,
     method: Method = RK4,
     collect: AbstractCollector = Everything(),
-    keep: bool = True,
+    reverse: bool = False,
 ) -> Any:
     """Plays held inputs to a plant, and keeps of its motion what is asked for.
 
@@ -134,7 +134,8 @@ def play(
         active: 1 for an axis that moves; by default all do.
         method: the Runge-Kutta method.
         collect: what to keep; a `Sample` at the beginning of every period by default.
-        keep: whether reverse-mode differentiation keeps every step in memory; if not, it computes each period anew.
+        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does: the backward pass then computes
+            every period and every stage of a step anew, which takes far less memory than keeping them, and less time.
     """
     one = jnp.ones_like(initial[0])
     moving = Axes(one, one, one) if active is None else active
@@ -143,9 +144,9 @@ def play(
     first, told = prepare(plant, initial, lane, substeps)
 
     def step(carry: Motions, now: Interval) -> tuple[Motions, Sample]:
-        return advance(plant, carry, now, moving, method=method, keep=keep), Sample(carry.q, carry.v, now.t[0])
+        return advance(plant, carry, now, moving, method=method, reverse=reverse), Sample(carry.q, carry.v, now.t[0])
 
-    return collect.run(step if keep else jax.checkpoint(step), first, told)
+    return collect.run(jax.checkpoint(step) if reverse else step, first, told)
 
 
 class _Part(NamedTuple):
@@ -225,12 +226,12 @@ def advance(
     *,
     method: Method = MIDPOINT,
     push: Push | None = None,
-    keep: bool = True,
+    reverse: bool = False,
 ) -> Motions:
     """The motion one interval later, with an optional push held over it (for linearisation).
 
-    Without `keep`, reverse-mode differentiation computes every stage of a step anew from its positions and
-    velocities: less to write to memory and to read back than what it takes to compute.
+    With `reverse`, stages are a loop, each of which the backward pass computes anew from its positions and velocities:
+    that is less work than to write all of a stage to memory and to read it back. Forward, the loop is slower.
     """
     constants = plant.time_constants()
     presliding = plant.only(PreslidingFriction)
@@ -270,12 +271,12 @@ def advance(
         reaches = (*nodes[1:], 0.0)
         volts = [lag_at(node, lead) for node, lead in zip(nodes, leads, strict=True)]
         parts = [_Part(*numbers) for numbers in zip(nodes, weights, reaches, volts, strict=True)]
-        if keep:
-            for part in parts:
-                at, _ = stage(at, part)
-        else:
+        if reverse:
             rows = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf, h.dtype) for leaf in leaves]), *parts)
             at, _ = jax.lax.scan(jax.checkpoint(stage), at, rows)
+        else:
+            for part in parts:
+                at, _ = stage(at, part)
         q_next, v_next = _add(carry.q, at.dq), _add(carry.v, at.dv)
         z_next = carry.z
         if presliding is not None and carry.z is not None:

@@ -175,11 +175,17 @@ def test_what_is_kept_is_the_callers_choice():
 def test_forgetting_on_the_way_changes_no_gradient():
     plant, reference = make_plant(), resting(40, x=0.5)
 
-    def cost(gain, keep):
+    def cost(gain, reverse):
         response = closed_loop(
-            plant, Proportional(gain, -0.468), make_state(), reference, period=PERIOD, substeps=SUBSTEPS, keep=keep
+            plant,
+            Proportional(gain, -0.468),
+            make_state(),
+            reference,
+            period=PERIOD,
+            substeps=SUBSTEPS,
+            reverse=reverse,
         )
         return jnp.mean((response.q.x - reference.x) ** 2)
 
-    kept, forgotten = (float(jax.jit(jax.grad(lambda g: cost(g, keep)))(8.0)) for keep in (True, False))  # noqa: B023
+    kept, forgotten = (float(jax.jit(jax.grad(lambda g: cost(g, reverse)))(8.0)) for reverse in (False, True))  # noqa: B023
     assert kept == pytest.approx(forgotten, rel=1e-12)

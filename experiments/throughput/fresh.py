@@ -73,9 +73,9 @@ def gradients(lanes: str, seconds: str) -> dict[str, float]:
     arguments = ours.law("float64", SOFTNESS), *ours.lanes_of(given, "float64")
     found = {"lanes": float(lanes), "seconds": float(seconds)}
     for name, function in (
-        ("forward", ours.cost(given, model, keep=True)),
-        ("rematerialised", jax.value_and_grad(ours.cost(given, model, keep=False))),
-        ("kept", jax.value_and_grad(ours.cost(given, model, keep=True))),
+        ("forward", ours.cost(given, model)),
+        ("rematerialised", jax.value_and_grad(ours.cost(given, model, reverse=True))),
+        ("kept", jax.value_and_grad(ours.cost(given, model))),
     ):
         found[f"compile {name}"], program = compiled(function, *arguments)
         found[name] = best_of(lambda: jax.block_until_ready(program(*arguments)))  # noqa: B023

@@ -58,7 +58,7 @@ def law(dtype: Any, softness: float | None = None) -> Any:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), controller)
 
 
-def lane(mode: str, given: Given, model: Any, *, collect: Any = None, keep: bool = True) -> Callable:
+def lane(mode: str, given: Given, model: Any, *, collect: Any = None, reverse: bool = False) -> Callable:
     """One bridge, from its load, its friction level, its start and (closed loop) its controller."""
     period, substeps = MODES[mode]
     collect = Last() if collect is None else collect
@@ -67,7 +67,7 @@ def lane(mode: str, given: Given, model: Any, *, collect: Any = None, keep: bool
         plant = jbridge.with_values(model.plant, {"load_mass": load_mass, "coulomb_friction@cart.level": friction})
         initial = jnp.concatenate([start, jnp.zeros(3, start.dtype)])
         table = jnp.asarray(given.table, start.dtype)
-        options = {"period": period, "substeps": substeps, "collect": collect, "keep": keep}
+        options = {"period": period, "substeps": substeps, "collect": collect, "reverse": reverse}
         if mode == "open":
             return jbridge.play(plant, initial, table, **options)
         still = jnp.zeros(len(table), start.dtype)
@@ -83,9 +83,9 @@ def forward(mode: str, given: Given, model: Any, dtype: Any, softness: float | N
     return jax.jit(jax.vmap(lambda load_mass, friction, start: one(load_mass, friction, start, controller)))
 
 
-def cost(given: Given, model: Any, *, keep: bool) -> Callable:
+def cost(given: Given, model: Any, *, reverse: bool = False) -> Callable:
     """Mean cost of a batch under a controller whose numbers are arguments."""
-    one = lane("closed", given, model, collect=Squares(), keep=keep)
+    one = lane("closed", given, model, collect=Squares(), reverse=reverse)
 
     def mean(controller, load_mass, friction, starts):
         return jnp.mean(jax.vmap(one, in_axes=(0, 0, 0, None))(load_mass, friction, starts, controller))

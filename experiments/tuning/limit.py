@@ -58,7 +58,7 @@ def end_of(plant: jbridge.Plant) -> tuple[Callable, Callable]:
         # A sample is taken before its input acts, so that the last input does not matter.
         given = jnp.concatenate([volts, volts[-1:]])
         return jbridge.play(
-            plant, initial, given, period=seconds / PIECES, substeps=SUBSTEPS, collect=Ending(), keep=False
+            plant, initial, given, period=seconds / PIECES, substeps=SUBSTEPS, collect=Ending(), reverse=True
         )
 
     return jax.jit(end), jax.jit(jax.jacrev(end))

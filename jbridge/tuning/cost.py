@@ -60,8 +60,7 @@ class Blocks:
 class Cost:
     """Mean of a goal over all bridges and moves of a course, as a function of a controller's free coordinates.
 
-    Gradients come from one backward pass through each rollout; each period of the controller is computed anew there,
-    so that memory holds one state per period.
+    Gradients come from one backward pass through each rollout.
     """
 
     def __init__(self, course: Course, goal: Goal, knobs: AbstractKnobs | None = None):
@@ -77,11 +76,11 @@ class Cost:
         self.count = self._blocks.count
         """Rollouts of one evaluation."""
 
-        def one(law: AbstractController, row: Array, move: Moves) -> Array:
-            return goal(course.run(law, row, move, keep=False), move.leg)
+        def one(law: AbstractController, row: Array, move: Moves, reverse: bool = False) -> Array:
+            return goal(course.run(law, row, move, reverse=reverse), move.leg)
 
         def smooth(z: Array, softness: Array, row: Array, move: Moves) -> Array:
-            return one(self._set(z, softness), row, move)
+            return one(self._set(z, softness), row, move, reverse=True)
 
         self._one = jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
         self._gradient = jax.jit(jax.vmap(jax.value_and_grad(smooth), in_axes=(None, None, 0, 0)))

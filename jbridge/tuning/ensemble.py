@@ -237,7 +237,7 @@ class Course:
         move: Moves,
         *,
         collect: AbstractCollector = Everything(),
-        keep: bool = True,
+        reverse: bool = False,
     ) -> Any:
         """One bridge under a controller through one move (without leading axes); see `loop.closed_loop`."""
         initial = jnp.zeros(self._states, row.dtype).at[0].set(move.initial[0]).at[2].set(move.initial[1])
@@ -250,5 +250,5 @@ class Course:
             substeps=self._substeps,
             memory=self._memory,
             collect=collect,
-            keep=keep,
+            reverse=reverse,
         )

@@ -5,12 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import skfuzzy
+from jax.test_util import check_grads
 
 from jbridge.fuzzy.columns import columns
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.fis import load_fis
 from jbridge.fuzzy.inference import Mamdani
-from jbridge.fuzzy.membership import Bell, Gaussian, Triangular, as_number
+from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Rule, Variable, in_words, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
@@ -288,3 +289,34 @@ def test_a_bell_has_a_gradient_everywhere(width, slope, value):
     bell = Bell(as_number(width), as_number(slope), as_number(0.0))
     found = jax.grad(lambda b, v: b.degree(v), argnums=(0, 1))(bell, jnp.asarray(value))
     assert all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(found))
+
+
+@pytest.mark.parametrize("norm", [Minimum(), Maximum()])
+def test_written_out_derivatives_of_blurred_norms(norm):
+    """Against differences, in both modes: of degrees apart, within reach of each other, and of the softness."""
+    for a, b, softness in ((0.2, 0.9, 0.1), (0.50, 0.52, 0.1), (0.52, 0.5, 0.2), (0.3, 0.4, 0.9)):
+        check_grads(
+            lambda *args: norm(*map(as_number, args)), tuple(map(as_number, (a, b, softness))), 1, rtol=1e-6, atol=1e-8
+        )
+
+
+@pytest.mark.parametrize("value", [0.02, 0.3, 0.96, 1.2, 1.49, 1.98])
+def test_written_out_derivatives_of_rounded_corners(value):
+    def degree(*numbers):
+        value, *corners, softness = map(as_number, numbers)
+        return Trapezoidal(*corners).degree(value, softness)
+
+    given = tuple(map(as_number, (value, 0.0, 1.0, 1.5, 2.0, 0.1)))
+    check_grads(degree, given, 1, rtol=1e-5, atol=1e-8)
+
+
+@pytest.mark.parametrize("softness", [None, 0.1])
+def test_a_system_made_ready_for_a_loop_infers_the_same(softness):
+    """Also where its numbers are known to no compiler."""
+    for seed in range(6):
+        system, values = known_sets_case(seed)
+        wanted = system.infer(values, softness=softness)
+        found = jax.jit(lambda s, v: s.ready().infer(v, softness=softness))(system, values)
+        np.testing.assert_allclose(found.output, wanted.output, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(found.strength, wanted.strength, rtol=1e-12)
+        np.testing.assert_array_equal(found.fired, wanted.fired)
