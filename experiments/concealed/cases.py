@@ -1,9 +1,9 @@
-"""The concealed cases: two halves of the same make-up, drawn from two seeds.
+"""The concealed cases: three parts, drawn from three seeds.
 
 A case is a truth (numbers, effects, what was concealed, what a perfect answer would be), a model with wrong
 numbers and without the concealed effects, and a plan of recordings. The `dev` half serves for choosing
-settings, the `proof` half for the proof. Which case holds what is shuffled, so a case's number says
-nothing.
+settings, the `proof` half for the proof. `wide` is a larger proof, with every effect at three severities. Which case
+holds what is shuffled, so a case's number says nothing.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from makeup import HALVES
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {"dev": 20240607, "proof": 77310185}
+MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962}
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
         "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist"}  # fmt: skip
@@ -131,12 +131,19 @@ def _plan(flavour: str, loop: str, d: Draw) -> list[dict]:
     return plan
 
 
+def _scaled(name: str, error: float, sizes: dict) -> float:
+    """A size that should leave some error over the noise, in proportion to what the same effect left elsewhere."""
+    found = [v for k, v in sizes.items() if k.endswith(f": {name}")]
+    rates = [np.log(v["error"] / v["size"]) for v in found]
+    return float(f"{error / np.exp(np.mean(rates)):.3g}") if rates else 1.0
+
+
 def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     d = Draw(key)
     words = line.split(maxsplit=1)
     flavour, rest = words[0], words[1]
     loop = "closed" if rest.endswith(" closed") else "open"
-    rest = rest.removesuffix(" closed")
+    rest, _, severity = rest.removesuffix(" closed").partition(" at ")
     names = [] if rest.startswith("null") else rest.split(" + ")
     bridge = _bridge(d, names)
     owned = [_owned(name, bridge, d) for name in OWNED[flavour]]
@@ -154,7 +161,9 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
         elif mine:
             concealed += mine
         else:
-            concealed.append(draw(kind, site, key, sizes.get(f"{half}: {line}: {name}", {}).get("size", 1.0)))
+            own = sizes.get(f"{half}: {line}: {name}", {}).get("size")
+            size = own or (_scaled(name, float(severity), sizes) if severity else 1.0)
+            concealed.append(draw(kind, site, key, size))
     played = owned + [e for e in concealed if e["kind"] != "wrong_value" and e not in owned]
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]

@@ -116,8 +116,9 @@ def table(halves: dict[str, dict]) -> str:
     lines = [
         "# Concealed cases",
         "",
-        "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings",
-        "were chosen on the development half. Percentages come with counts and 95 % Wilson intervals.",
+        "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings were",
+        "chosen on `dev`; `proof` was opened once; `wide` has every effect at three sizes. Percentages come with",
+        "counts and 95 % Wilson intervals.",
         "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
         "",
         "| measure | aim | " + " | ".join(names) + " |",
@@ -128,11 +129,41 @@ def table(halves: dict[str, dict]) -> str:
     for n in names:
         rows, made = halves[n]["rows"], halves[n]
         missed = misses(rows)
-        lines += ["", f"## Misses of the {n} half: {len(missed)} of {len(rows)} cases", ""]
+        lines += ["", f"## Misses of {n}: {len(missed)} of {len(rows)} cases", ""]
         code = made["commit"] or "unversioned"
         lines += [f"{len(rows)} of {made['cases']} cases run; code {code}; {made['cores']} cores.", ""]
         lines += missed or ["none"]
+        if any(r.get("probability") is not None for r in rows):
+            lines += ["", f"## By size, {n}", "", *by_severity(rows), "", *reliability(rows)]
     return "\n".join(lines) + "\n"
+
+
+SEVERITIES = ((0.0, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, float("inf")))
+"""Of the hold-out error of the model as given, over the noise."""
+
+
+def by_severity(rows: list[dict]) -> list[str]:
+    """How often what is missing is seen and named, over how large it is."""
+    lines = ["| hold-out error over noise | cases | detected | right equation | exact set, where it has a name |"]
+    lines += ["|---|---|---|---|---|"]
+    for low, high in SEVERITIES:
+        here = [r for r in rows if r["true"] and r["before"] is not None and low <= r["before"] < high]
+        named = [r for r in here if r["true_verdict"] == "missing_physics"]
+        span = f"{low:g} to {high:g}" if high < float("inf") else f"above {low:g}"
+        shares = _share(here, "detected"), _share(here, "equation_right"), _share(named, "set_right")
+        lines.append(f"| {span} | {len(here)} | " + " | ".join(shares) + " |")
+    return lines
+
+
+def reliability(rows: list[dict]) -> list[str]:
+    """How often the first name is right, over the probability that was given to it."""
+    lines = ["| probability of the first name | cases | mean probability | right |", "|---|---|---|---|"]
+    told = [r for r in rows if r.get("probability") is not None and r["true_verdict"] == "missing_physics"]
+    for low, high in ((0.0, 0.6), (0.6, 0.9), (0.9, 0.99), (0.99, 1.01)):
+        here = [r for r in told if low <= r["probability"] < high]
+        mean = f"{100 * sum(r['probability'] for r in here) / len(here):.1f} %" if here else "none"
+        lines.append(f"| {low:g} to {min(high, 1.0):g} | {len(here)} | {mean} | {_share(here, 'first_right')} |")
+    return lines
 
 
 def _answer(row: dict) -> str:
@@ -204,7 +235,7 @@ def confusion(half: dict, path: Path) -> None:
 def draw(folder: Path) -> None:
     """Redraws `concealed-table.md` and `concealed-confusion.png` from `data/concealed-*.json`."""
     halves = {}
-    for half in ("dev", "proof"):
+    for half in ("dev", "proof", "wide"):
         data = folder / "data" / f"concealed-{half}.json"
         if data.exists():
             saved = json.loads(data.read_text())

@@ -1,10 +1,12 @@
-"""The make-up of the two halves: one case a line.
+"""The make-up of the parts, `dev`, `proof` and `wide`: one case a line.
 
 Each line is the flavour of the rig (full bridge, rope locked, cart alone, pendulum on a fixed cart), what
 is concealed, and the loop if it is closed. `null` conceals nothing: only numbers are wrong. With `wander`,
 friction wanders by 5 % from place to place and time to time; with `rough`, the sensor noise is larger and
-correlated.
+correlated. `at 5` asks for a hold-out error of about five times the noise where the effect is left out.
 """
+
+import itertools
 
 HALVES = {
     "dev": [
@@ -110,3 +112,75 @@ HALVES = {
         "full shared_supply hoist_drive closed",
     ],
 }
+
+SEVERITIES = (2, 5, 20)
+SINGLES = {
+    "cart": (
+        "stribeck_friction cart", "direction_dependent_friction cart", "position_dependent_friction cart",
+        "position_direction_friction cart", "quadratic_drag cart", "friction_drift cart", "spring_force cart",
+        "periodic_force cart", "backlash cart", "belt_compliance cart", "input_delay cart_drive",
+        "actuator_lag cart_drive", "gain_asymmetry cart_drive", "gain_drift cart_drive", "sensor_delay x_sensor",
+        "missed_counts x_sensor",
+    ),
+    "swing": (
+        "coulomb_friction swing", "load_drag swing", "wind swing", "length_dependent_damping swing",
+        "double_pendulum swing", "sensor_delay psi_sensor",
+    ),
+    "hoist": (
+        "direction_dependent_friction hoist", "position_dependent_friction hoist", "quadratic_drag hoist",
+        "gain_asymmetry hoist_drive", "drum_radius_change hoist_drive", "sensor_scale l_sensor",
+    ),
+}  # fmt: skip
+"""By the equation that feels them: 28 effects whose size can be chosen."""
+AMBIGUOUS = (
+    "constant_force cart", "constant_force cart", "direction_dependent_friction cart", "sensor_scale x_sensor",
+    "sensor_scale psi_sensor", "sensor_offset psi_sensor", "sensor_offset psi_sensor", "input_delay hoist_drive",
+)  # fmt: skip
+"""Effects that have a declared equivalent."""
+BEYOND = (
+    "full brake_zone cart", "locked sagging_rail cart", "full swing_guide swing", "full winch_ripple hoist",
+    "full rope_layers hoist", "full reversal_ripple cart", "locked swing_friction cart", "full lift swing",
+    "locked cubic_gain cart_drive", "full shared_supply hoist_drive",
+)  # fmt: skip
+"""Laws that no catalogue has."""
+
+
+def _singles() -> list[str]:
+    """Every effect at every severity, on rigs and loops in turn."""
+    turns = {
+        "cart": itertools.cycle(("full", "locked", "cart", "full closed", "locked closed")),
+        "swing": itertools.cycle(("full", "locked", "full closed")),
+        "hoist": itertools.cycle(("full", "full", "full closed")),
+    }
+    lines = []
+    for axis, names in SINGLES.items():
+        for name, severity in itertools.product(names, SEVERITIES):
+            flavour, *closed = next(turns[axis]).split()
+            if name == "length_dependent_damping swing":  # one length would show nothing of it
+                flavour = "full"
+            lines.append(" ".join([flavour, name, f"at {severity}", *closed]))
+    return lines
+
+
+def _several(count: int, together: int) -> list[str]:
+    """Effects of different equations together, each in its turn."""
+    names = {axis: itertools.cycle(names[::-1] if together == 3 else names) for axis, names in SINGLES.items()}
+    pairs = itertools.cycle(itertools.combinations(SINGLES, together))
+    loops = itertools.cycle(("", " closed"))
+    return [f"full {' + '.join(next(names[axis]) for axis in next(pairs))} at 12{next(loops)}" for _ in range(count)]
+
+
+NULLS = ["full null"] * 6 + ["full null closed"] * 6 + [
+    "locked null", "cart null", "pendulum null", "locked null closed", "locked null closed", "cart null closed",
+    "full null wander", "full null wander", "full null wander closed", "full null wander closed",
+    "locked null wander", "locked null wander closed",
+]  # fmt: skip
+
+HALVES["wide"] = [
+    *_singles(),
+    *_several(24, 2),
+    *_several(10, 3),
+    *NULLS,
+    *(f"{line} at 48{closed}" for line, closed in zip(BEYOND, itertools.cycle(("", "", " closed")))),
+    *(f"full {name} at 12" for name in AMBIGUOUS),
+]

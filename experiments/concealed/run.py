@@ -2,6 +2,7 @@
 
     python experiments/concealed/run.py --half dev                 everything, resuming what is finished
     python experiments/concealed/run.py --half proof --jobs 2
+    python experiments/concealed/run.py --half wide --limit 40       the first 40 of a shuffled 160
     python experiments/concealed/run.py --half dev --generate-only   only the recordings
     python experiments/concealed/run.py --figures                    redraw from figures/data
 
@@ -54,7 +55,7 @@ def diagnose(case: Path, timeout: float) -> str:
         except subprocess.TimeoutExpired:
             status = -1
     seconds = time.monotonic() - start
-    done.write_text(json.dumps({"status": status, "seconds": round(seconds, 2)}) + "\n")
+    done.write_text(json.dumps({"status": status, "seconds": round(seconds, 2), "code": commit()}) + "\n")
     return f"{seconds:.0f} s" if status == 0 else f"failed with status {status}, see {out / 'log.txt'}"
 
 
@@ -76,7 +77,8 @@ def row_of(truth: dict, case: Path) -> dict | None:
     run = json.loads(done.read_text())
     report = case / "diagnosis" / "report.json"
     content = json.loads(report.read_text()) if run["status"] == 0 and report.exists() else None
-    return score(truth, content, mean_length(case)) | {"wall": run["seconds"], "status": run["status"]}
+    told = {"wall": run["seconds"], "status": run["status"], "code": run.get("code")}
+    return score(truth, content, mean_length(case)) | told
 
 
 def commit() -> str:
@@ -89,7 +91,7 @@ def commit() -> str:
 
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--half", choices=sorted(MASTER), help="which half of the cases")
+    parser.add_argument("--half", choices=sorted(MASTER), help="which part of the cases")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go")
     parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
     parser.add_argument("--limit", type=int, help="only the first so many")
@@ -99,6 +101,8 @@ def options() -> argparse.Namespace:
     )
     parser.add_argument("--generate-only", action="store_true", help="write the recordings and stop")
     parser.add_argument("--again", action="store_true", help="forget finished diagnoses of the chosen cases")
+    parser.add_argument("--score-only", action="store_true", help="score what is finished, diagnose nothing")
+    parser.add_argument("--add", action="store_true", help="keep saved rows of cases whose reports are gone")
     parser.add_argument("--figures", action="store_true", help="redraw table and picture from saved data and stop")
     chosen = parser.parse_args()
     if not chosen.figures and not chosen.half:
@@ -119,22 +123,31 @@ def main() -> None:
     def one(name: str) -> None:
         if chosen.again:
             shutil.rmtree(out / name / "diagnosis", ignore_errors=True)
-        case = write(truths[name], out, seals[name])
-        word = "recordings" if chosen.generate_only else diagnose(case, chosen.timeout)
+        try:
+            case = write(truths[name], out, seals[name])
+            word = "recordings" if chosen.generate_only else diagnose(case, chosen.timeout)
+        except RuntimeError as error:
+            word = f"not played: {error}"
         print(f"{name}: {word}", flush=True)
 
-    with ThreadPoolExecutor(chosen.jobs) as pool:
-        list(pool.map(one, names))
+    if not chosen.score_only:
+        with ThreadPoolExecutor(chosen.jobs) as pool:
+            list(pool.map(one, names))
     if chosen.generate_only:
         return
     # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
     rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
+    rows = [row for row in rows if row]
+    data = FIGURES / "data" / f"concealed-{chosen.half}.json"
+    if chosen.add and data.exists():
+        fresh = {row["id"] for row in rows}
+        rows += [row for row in json.loads(data.read_text())["rows"] if row["id"] not in fresh]
+        rows.sort(key=lambda row: row["id"])
     saved = {
         "half": chosen.half, "commit": commit(), "cores": os.cpu_count(), "cases": len(truths),
         "seed": MASTER[chosen.half],
-        "rows": [row for row in rows if row],
+        "rows": rows,
     }  # fmt: skip
-    data = FIGURES / "data" / f"concealed-{chosen.half}.json"
     data.parent.mkdir(parents=True, exist_ok=True)
     data.write_text(json.dumps(saved, indent=1) + "\n")
     draw(FIGURES)

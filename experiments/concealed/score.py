@@ -155,7 +155,7 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "true_equations": truth["equations"], "named": [], "verdict": "failed", "verdict_right": False,
         "detected": False, "equation": None, "equation_right": False, "first_right": False, "in_set": False,
         "set_right": False, "parameters": {}, "bridge": {}, "before": None, "after": None, "gap_closed": None,
-        "seconds": None,
+        "seconds": None, "probability": None,
     }  # fmt: skip
     if report is None:
         return row
@@ -171,7 +171,8 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "equation_right": report["location"]["equation"] in truth["equations"],
         "first_right": bool(named) and named[0] in everything,
         "in_set": bool(named) and bool(({named[0]} | rivals) & everything),
-        "set_right": len(pairs) == len(wanted) == len(named), "before": before, "after": after,
+        "set_right": len(pairs) == len(wanted) == len(named),
+        "probability": effects[0].get("probability") if effects else None, "before": before, "after": after,
         "seconds": report.get("seconds"),
     }  # fmt: skip
     if before is not None and after is not None and before > 1.0:
