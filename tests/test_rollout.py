@@ -482,6 +482,26 @@ def test_play_keeps_what_rollout_gives():
     np.testing.assert_allclose(played.times, 0.01 * np.arange(60), atol=1e-12)
 
 
+@pytest.mark.parametrize("method", [RK4, MIDPOINT])
+def test_stages_as_a_loop_change_neither_motion_nor_gradient(method):
+    """With a hidden coordinate, a presliding spring and a lag, which every stage takes along."""
+    plant = make_plant(
+        ("presliding_friction", "cart", {"level": 3.0, "stiffness": 3000.0}),
+        ("rope_elasticity", "hoist", {"stiffness": 400.0, "damping": 2.0}),
+        ("actuator_lag", "cart_drive", {"time_constant": 0.03}),
+    )
+    u, state = jnp.asarray(lively_inputs(40)), make_state(psi=0.1, hidden=(0.0, 0.0))
+
+    def last(u, reverse):
+        run = play(plant, state, u, period=0.01, substeps=2, method=method, reverse=reverse)
+        return run.q.x[-1] + run.q.psi[-1] + run.q.loaded[-1]
+
+    both = [jax.jit(jax.value_and_grad(functools.partial(last, reverse=reverse)))(u) for reverse in (False, True)]
+    np.testing.assert_allclose(both[1][0], both[0][0], rtol=1e-13)
+    np.testing.assert_allclose(both[1][1], both[0][1], rtol=1e-9, atol=1e-14)
+    assert np.abs(both[0][1]).max() > 1e-6
+
+
 def test_values_are_replaced_by_name():
     plant = make_plant(("position_dependent_friction", "cart", {"knots": [0.2, 0.8], "levels": [3.0, 4.0]}))
     changed = with_values(plant, {"load_mass": 0.2, "position_dependent_friction@cart.levels": 5.0})
