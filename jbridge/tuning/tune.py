@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,6 +35,8 @@ _TRIAL = 5
 """Share of the steps, one in so many, after which only the best start goes on."""
 _JUDGED = 10
 """How often on its way a start is judged with the textbook's inference."""
+_LOST = 1.1
+"""Smooth cost, over that of the best place so far, from which a descent goes back there."""
 _HELD_OUT_MOVES = 4
 
 
@@ -128,7 +130,7 @@ def tune(
     )
     cost = Cost(course, goal or usual_goal(), knobs)
     far = Cost(others, goal or usual_goal(), knobs)
-    z, history, softness, rollouts = _descend(cost, knobs, steps, starts, seed, tell)
+    z, history, softness, rollouts = descend(cost, knobs, steps, starts, seed, tell)
     tell("measuring on other bridges and moves")
     none = np.zeros_like(z)
     costs = {"train": (cost.hard(none), cost.hard(z)), "held_out": (far.hard(none), far.hard(z))}
@@ -172,7 +174,17 @@ def common_slope(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sum(kept * np.minimum(1.0, most / np.maximum(sizes, 1e-300))[:, None], axis=0) / len(slopes)
 
 
-def _descend(
+class _State(NamedTuple):
+    """Where a descent stands, beside its place."""
+
+    moments: optax.OptState
+    best: NDArray[np.float64]
+    """The best place that was compared on the way."""
+    share: float = 1.0
+    """Of the schedule's pace."""
+
+
+def descend(
     cost: Cost, knobs: AbstractKnobs, steps: int, starts: int, seed: int, tell: Callable[[str], None]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
     """Adam with a softness that shrinks; the best start, judged with the textbook's inference, goes to the end."""
@@ -181,7 +193,7 @@ def _descend(
     softness = np.geomspace(SOFT, HARD, max(1, round(_HARDENED * steps)))
     softness = np.append(softness, np.full(steps - len(softness), HARD))
     schedule = optax.cosine_decay_schedule(_RATE, steps, alpha=0.05)
-    adam = optax.chain(optax.clip_by_global_norm(1.0), optax.adam(schedule))
+    adam = optax.chain(optax.clip_by_global_norm(1.0), optax.scale_by_adam())
     trial = max(1, steps // _TRIAL) if starts > 1 else steps
     rollouts, every = 0, max(1, steps // _JUDGED)
     found: list[tuple[float, NDArray[np.float64]]] = []
@@ -194,7 +206,7 @@ def _descend(
         found.append((value if np.isfinite(value) else np.inf, z))
         return found[-1][0]
 
-    def go(z: NDArray[np.float64], state: optax.OptState, first: int, last: int, which: str) -> Any:
+    def go(z: NDArray[np.float64], state: _State, first: int, last: int, which: str) -> Any:
         nonlocal rollouts
         course = []
         for step in range(first, last):
@@ -203,8 +215,19 @@ def _descend(
             course.append(float(np.mean(values)))
             if step % 10 == 0:
                 tell(f"step {step} of {steps}{which}: cost {course[-1]:.3g}")
-            update, state = adam.update(jnp.asarray(common_slope(slopes)), state)
-            z = np.clip(z + np.asarray(update), low, high)
+            if step % every == every - 1 and step > first:
+                before = cost.smooth(state.best, float(softness[step]))
+                rollouts += cost.count
+                if course[-1] < before:
+                    state = state._replace(best=z)
+                elif not course[-1] <= _LOST * before:
+                    tell(f"step {step} of {steps}{which}: back to the best controller so far, at half the pace")
+                    # Slope and moments are of the way that led astray.
+                    z, state = state.best, _State(adam.init(jnp.asarray(z)), state.best, 0.5 * state.share)
+                    continue
+            update, moments = adam.update(jnp.asarray(common_slope(slopes)), state.moments)
+            z = np.clip(z - state.share * float(schedule(step)) * np.asarray(update), low, high)
+            state = state._replace(moments=moments)
             if step % every == every - 1:
                 judge(z)
         return z, state, course
@@ -222,7 +245,7 @@ def _descend(
     runs = []
     for number, begin in enumerate(begins):
         which = f", start {number + 1} of {starts}" if starts > 1 else ""
-        z, state, course = go(begin, adam.init(jnp.asarray(begin)), 0, trial, which)
+        z, state, course = go(begin, _State(adam.init(jnp.asarray(begin)), begin), 0, trial, which)
         runs.append((judge(z), z, state, course))
     _, z, state, course = min(runs, key=lambda run: run[0])
     z, _, rest = go(z, state, trial, steps, "")

@@ -24,7 +24,7 @@ from jbridge.tracking import track
 from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, mixed_legs, paper_legs, random_legs, scattered
-from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
+from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
 from jbridge.tuning.linearise import linear_model
 from jbridge.tuning.objectives import (
     Chatter,
@@ -37,7 +37,7 @@ from jbridge.tuning.objectives import (
     Settling,
     usual_goal,
 )
-from jbridge.tuning.tune import common_slope, tune
+from jbridge.tuning.tune import common_slope, descend, tune
 from tests.problems import NUMBERS, make_plant
 
 DRY = ("coulomb_friction", "cart", {"level": 3.0})
@@ -287,3 +287,39 @@ def test_a_models_own_losses_are_compensated():
     np.testing.assert_allclose(found.cart, 0.5 * (0.3 + (3.0 + 2.5) / n["cart_gain"]), rtol=1e-9)
     np.testing.assert_allclose(found.hoist, 0.5 * 2.0 / n["hoist_gain"], rtol=1e-9)
     np.testing.assert_allclose(found.hoist_bias, -n["load_mass"] * n["gravity"] / n["hoist_gain"], rtol=1e-12)
+
+
+class OneKnob(AbstractKnobs):
+    knobs = (Knob("a", -9.0, 9.0),)
+
+    def set(self, coordinates, softness=None):
+        raise NotImplementedError
+
+
+class Astray(Cost):
+    """A bowl about 1; in the middle of a descent its slopes point the wrong way, as those of a chattering loop may."""
+
+    def __init__(self):
+        self.asked, self.count = 0, 1
+
+    def hard(self, z):
+        return float(np.sum((z - 1.0) ** 2)) + 0.1
+
+    def smooth(self, z, softness):
+        return self.hard(z)
+
+    def gradients(self, z, softness):
+        self.asked += 1
+        way = -1.0 if 50 <= self.asked < 60 else 1.0
+        return np.array([self.hard(z)]), way * 2.0 * (z - 1.0)[None]
+
+
+def test_a_descent_led_astray_goes_back():
+    told = []
+    with jax.numpy_dtype_promotion("standard"):
+        best, history, softness, rollouts = descend(Astray(), OneKnob(), 100, 1, 0, told.append)
+    assert any("back to the best" in text for text in told)
+    np.testing.assert_allclose(best, 1.0, atol=0.05)
+    # Not only the best place is kept: from there the descent goes on.
+    assert history[49:61].max() > 0.2 and history[-1] < 0.11
+    assert len(history) == len(softness) == 100 and rollouts > 100
