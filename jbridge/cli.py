@@ -174,6 +174,8 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
 def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     given = [path for path in (arguments.model, arguments.controller) if path]
     jbridge.check_output(arguments.out, folder=True, inputs=given)
+    if not 0.0 <= arguments.delay < 1e3:
+        raise InputError(f"--delay {arguments.delay:g}: give milliseconds, 0 or more and less than 1000")
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
@@ -189,6 +191,7 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
         starts=arguments.starts,
         seed=arguments.seed,
         region=_region(arguments.rail, arguments.rope),
+        scatter=jbridge.Scatter(late=1e-3 * arguments.delay),
         progress=progress,
     )
     progress("drawing")
@@ -355,6 +358,7 @@ def _parser() -> _Parser:
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
     tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
+    tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
     tune.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"

@@ -285,7 +285,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys):
     """Two steps on two bridges: what is written is there, can be used, and is told."""
     model, out = tmp_path / "model.toml", tmp_path / "out"
     model.write_text(CONTROL_MODEL)
-    small = ["--plants", "2", "--steps", "2", "--starts", "1", "--rail", "0", "0.8"]
+    small = ["--plants", "2", "--steps", "2", "--starts", "1", "--rail", "0", "0.8", "--delay", "10"]
     with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in integers
         assert main(["tune", str(model), "--rules", "extended", *small, "--out", str(out)]) == 0
     said = capsys.readouterr().out
@@ -303,6 +303,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys):
     (["--seed", "-1"], "the seed at least 0"),
     (["--rail", "1.2", "0"], "--rail 1.2 0: give the lower end and the higher one in metres"),
     (["--rope", "-0.1", "0.5"], "--rope -0.1 0.5: give"),
+    (["--delay", "-5"], "--delay -5: give milliseconds"),
     (["--controller", "sugeno.toml"], "cart's fuzzy system is a Sugeno's; only Mamdani's are tuned"),
     (["--controller", "folder.toml"], "cannot be read"),
 ])  # fmt: skip

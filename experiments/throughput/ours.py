@@ -143,7 +143,8 @@ def bare_gradient(given: Bare) -> Callable[[], Any]:
     def total(forces):
         def one(start):
             initial, period = jnp.concatenate([start, jnp.zeros(3)]), MODES["open"][0]
-            return jbridge.play(jbridge.Plant(bridge), initial, forces, period=period, substeps=1, collect=Last())
+            options = {"period": period, "substeps": 1, "collect": Last(), "reverse": True}
+            return jbridge.play(jbridge.Plant(bridge), initial, forces, **options)
 
         return jnp.sum(jax.vmap(one)(starts) ** 2)
 

@@ -36,6 +36,8 @@ class Scatter:
     dead_zone: float = 0.3
     lag: float = 0.3
     delay: float = 0.3
+    late: float = 0.0
+    """Largest further delay of both drives [s], in an ensemble whose plant was made `late`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,6 +131,13 @@ def mixed_legs(bridges: int, seed: int) -> Legs:
     return Legs(start, goal, paper.speed, paper.seconds)
 
 
+def late(plant: Plant) -> Plant:
+    """The same plant with a delay of 0 in each drive that has none, so that bridges about it may answer late."""
+    own = {effect.site for effect in plant.all(InputDelay)}
+    more = [InputDelay(delay=jnp.zeros(()), site=site) for site in InputDelay.sites if site not in own]
+    return Plant(plant.bridge, (*plant.effects, *more))
+
+
 def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter()) -> NDArray[np.float64]:
     """Parameter vectors of bridges about a plant, the plant itself first.
 
@@ -165,7 +174,12 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
                 own = [place for place, e in enumerate(entries) if e.owner == owner and e.info.unit.startswith(unit)]
                 spread([place for place in own if table.entry(place).info.fitted], share)
     factors[0] = 1.0
-    return base * factors
+    rows = base * factors
+    if scatter.late > 0:
+        for effect in plant.all(InputDelay):
+            places = table.positions(f"{effect.kind}@{effect.site}.delay")
+            rows[1:, places] += rng.uniform(0.0, scatter.late, (count - 1, 1))
+    return rows
 
 
 class Moves(NamedTuple):

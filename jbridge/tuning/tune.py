@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..model.files import Model, requires
 from ..signals import Path
 from .cost import Cost, Measure
-from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, mixed_legs, random_legs, scattered
+from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, late, mixed_legs, random_legs, scattered
 from .knobs import AbstractKnobs, knobs_of
 from .objectives import Goal, usual_goal
 
@@ -113,10 +113,11 @@ def tune(
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     knobs = knobs_of(controller.law)
     period = controller.period
-    course = Course(model.plant, scattered(model.plant, plants, seed, scatter), legs, period, prepare)
+    plant = late(model.plant) if scatter.late > 0 else model.plant
+    course = Course(plant, scattered(plant, plants, seed, scatter), legs, period, prepare)
     others = Course(
-        model.plant,
-        scattered(model.plant, held_out + 1, seed + 1, scatter)[1:],
+        plant,
+        scattered(plant, held_out + 1, seed + 1, scatter)[1:],
         random_legs(
             _HELD_OUT_MOVES,
             seed + 1,

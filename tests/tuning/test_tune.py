@@ -23,7 +23,7 @@ from jbridge.signals import smooth_path
 from jbridge.tracking import track
 from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
-from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, mixed_legs, paper_legs, random_legs, scattered
+from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
 from jbridge.tuning.linearise import linear_model
 from jbridge.tuning.objectives import (
@@ -95,6 +95,28 @@ def test_bridges_scatter_as_told():
         factors = rows[1:, place] / base[place]
         assert np.abs(factors - 1).max() <= share + 1e-12
         assert share == 0.0 or np.abs(factors - 1).max() > 0.9 * share
+
+
+def test_drives_may_answer_later_than_the_models():
+    """The model itself stays as it is, and its other numbers scatter as without."""
+    plant = late(PLANT)
+    rows, table = scattered(plant, 200, 1, Scatter(late=0.01)), ParameterTable(plant)
+    places = [table.positions(f"input_delay@{site}.delay")[0] for site in ("cart_drive", "hoist_drive")]
+    assert not rows[0, places].any() and 0.0095 < rows[1:, places].max() <= 0.01 and rows[1:, places].min() >= 0.0
+    rest = np.setdiff1d(np.arange(table.size), places)
+    np.testing.assert_array_equal(rows[:, rest], scattered(PLANT, 200, 1))
+    assert len(late(plant).effects) == len(plant.effects)
+    # A late bridge ends elsewhere than the model, and a bridge with no delay where it does.
+    law, legs = Controller(Pid(), 0.02).law, paper_legs(3.0)
+    course = Course(plant, np.stack([rows[0], rows[0] + 0.01 * np.isin(np.arange(table.size), places)]), legs, 0.02)
+    ends = [
+        np.asarray(jax.jit(course.run)(law, jnp.asarray(row), jax.tree.map(lambda leaf: leaf[0, 0], course.moves)).q.x)
+        for row in course.rows
+    ]
+    alone = Course(PLANT, scattered(PLANT, 1, 0), legs, 0.02)
+    plain = jax.jit(alone.run)(law, jnp.asarray(alone.rows[0]), jax.tree.map(lambda leaf: leaf[0, 0], alone.moves)).q.x
+    np.testing.assert_allclose(ends[0], plain, atol=1e-9)
+    assert np.abs(ends[1] - ends[0]).max() > 1e-4
 
 
 @pytest.mark.parametrize("law", [
