@@ -146,6 +146,9 @@ def torch_crane(given: Bare) -> tuple[Callable[[], np.ndarray], Callable[[], Any
         trolley_damping=n["cart_damping"],
         hoist=True,
     ).double()
+    # Its constructor rounds numbers to single precision.
+    for own, name in (("M", "cart_mass"), ("m", "load_mass"), ("g", "gravity"), ("b_x", "cart_damping")):
+        setattr(crane, own, torch.tensor(n[name], dtype=torch.float64))
     start = torch.zeros((len(given.starts), 6), dtype=torch.float64)
     start[:, [0, 2, 4]] = torch.from_numpy(given.starts)
 
