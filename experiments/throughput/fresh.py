@@ -2,10 +2,11 @@
 
     python experiments/throughput/fresh.py compile            one line of JSON
     python experiments/throughput/fresh.py gradient LANES SECONDS
-    python experiments/throughput/fresh.py few SECONDS
+    python experiments/throughput/fresh.py few SECONDS          and plain SECONDS, without whole loops
     python experiments/throughput/fresh.py memory SECONDS
 
-Whole loops (`jbridge.set_up`) are for forward rollouts; gradients do without, and so they are measured.
+Whole loops (`jbridge.set_up`) are for forward rollouts; gradients do without, and so they are measured. Another engine
+does not have them unless it is told to, so it is measured both ways.
 """
 
 import json
@@ -133,8 +134,8 @@ def a_model() -> Any:
 
 if __name__ == "__main__":
     kinds: dict[str, Callable[..., dict[str, float]]] = {
-        "compile": compile_times, "gradient": gradients, "few": few, "memory": memory
+        "compile": compile_times, "gradient": gradients, "few": few, "plain": few, "memory": memory
     }  # fmt: skip
     kind, *words = sys.argv[1:]
-    jbridge.set_up(cache=False, whole_loops=kind != "gradient")
+    jbridge.set_up(cache=False, whole_loops=kind not in ("gradient", "plain"))
     print(json.dumps(kinds[kind](*words)))
