@@ -9,6 +9,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..identify.lanes import Batch, Lanes, refined
 from ..identify.respond import PORTS, Along, linearise, respond
-from ..inputs import drive_inputs
+from ..inputs import Drives, drive_inputs
 from ..model.bridge import Bridge
 from ..model.effects.base import (
     AXIS_OF_SITE,
@@ -36,7 +37,7 @@ from ..model.effects.drives import ActuatorLag, DrumRadiusChange, InputDelay
 from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..rollout import readings
+from ..rollout import Motions, readings
 from .candidates import Candidate
 
 _NO_BRIDGE = Bridge()
@@ -67,13 +68,13 @@ def candidate_columns(
 
     def carry(group: list[_Family]) -> None:
         acts = _ports(
-            table,
+            table if group[0].asks_plant else None,
             tuple((family.table, family.finite) for family in group),
-            jnp.asarray(vector),
+            jnp.asarray(vector if group[0].asks_plant else np.zeros(0)),
             [jnp.asarray(family.points) for family in group],
             [jnp.asarray(family.directions) for family in group],
             lanes,
-            along,
+            along.motions,
         )
         change = np.array(_carried(table, batch.substeps, jnp.asarray(vector), lanes, along, *acts))
         change = change.reshape(*change.shape[:2], -1)
@@ -103,6 +104,8 @@ class _Family:
     """Which candidates they are."""
     points: list[NDArray[np.float64]]
     """The effect's numbers at each seed."""
+    asks_plant: bool
+    """Whether what it does depends on the model beside the motion; programs of the others serve every model."""
 
     @property
     def width(self) -> int:
@@ -119,7 +122,8 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         part = 0
         while True:
             key = (own, candidate.finite, directions.tobytes(), part)
-            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], []))
+            asks = not isinstance(effect, AbstractForce | AbstractDamping | AbstractFriction)
+            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], [], asks))
             if not family.members or (len(family.members) + 1) * family.width <= _GROUP:
                 break
             part += 1
@@ -127,9 +131,10 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         family.points.append(point)
     groups: list[list[_Family]] = [[]]
     size = 0
-    for family in families.values():
+    for family in sorted(families.values(), key=lambda family: family.asks_plant):
         columns = len(family.members) * family.width
-        if size + columns > _GROUP and groups[-1]:
+        full = size + columns > _GROUP
+        if groups[-1] and (full or family.asks_plant != groups[-1][0].asks_plant):
             groups.append([])
             size = 0
         groups[-1].append(family)
@@ -156,23 +161,39 @@ def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, N
     return effect, own, np.eye(own.size)[places]
 
 
+class _Given(NamedTuple):
+    """The model of a lane, what its drives are given, and what its encoders read."""
+
+    plant: Plant
+    drives: Drives
+    readings: Float[Array, "sample 3"]
+
+
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def _ports(
-    table: ParameterTable,
+    table: ParameterTable | None,
     families: tuple[tuple[ParameterTable, bool], ...],
     vector: Array,
     points: list[Float[Array, "_ _"]],
     directions: list[Float[Array, "_ _"]],
     lanes: Lanes,
-    along: Along,
+    motions: Motions,
 ) -> tuple[Float[Array, "lane time 13 filled"], Float[Array, "lane sample 3 filled"]]:
     """What all seeds add at the ports and directly to the readings, filled up to a whole group."""
+
+    def without(lane: Lanes, path: Motions) -> _Given | None:
+        if table is None:
+            return None
+        plant = table.unravel(jnp.where(lane.override_at > 0, lane.override_to, vector))
+        return _Given(plant, drive_inputs(plant, lane.lane), readings(plant, lane.lane, path))
+
+    given = jax.vmap(without)(lanes, motions)
     through, direct = [], []
     for (own, finite), seeds, directed in zip(families, points, directions, strict=True):
 
         def at(numbers: Array, own: ParameterTable = own) -> tuple[Array, Array]:
             effect = own.unravel(numbers).effects[0]
-            return jax.vmap(lambda lane, path: _acts(table, vector, lane, path, effect))(lanes, along)
+            return jax.vmap(lambda *lane: _acts(effect, *lane))(lanes, motions, given)
 
         if finite:
             ports, reads = jax.vmap(at, out_axes=-1)(seeds)
@@ -199,11 +220,10 @@ def _carried(
 
 
 def _acts(
-    table: ParameterTable, vector: Array, lanes: Lanes, along: Along, effect: AbstractEffect
+    effect: AbstractEffect, lanes: Lanes, motions: Motions, given: _Given | None
 ) -> tuple[Float[Array, "time 13"], Float[Array, "sample 3"]]:
     """What an effect adds at the ports of every interval and directly to the readings, for one lane."""
-    plant = table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))
-    lane, motions = lanes.lane, along.motions
+    lane = lanes.lane
     middle = jax.tree.map(lambda leaf: 0.5 * (leaf[1:] + leaf[:-1]), motions)
     q, v = middle.q, middle.v
     t = lane.start + jnp.cumsum(lane.dt) - 0.5 * lane.dt
@@ -220,16 +240,20 @@ def _acts(
     elif isinstance(effect, AbstractFriction):
         up, down = jax.vmap(effect.levels)(t, q.at_drives()[k], v.at_drives()[k])
         ports = ports.at[:, 5 + k].set(up).at[:, 8 + k].set(down)
+    elif given is None:
+        raise TypeError(f"what a {type(effect).__name__} does depends on the model beside the motion")
     elif isinstance(effect, DrumRadiusChange):
-        given = drive_inputs(plant, lane).mean[:, 0]
-        ports = ports.at[:, 1].set(given[:, 1] * effect.slope * (q.l - effect.length))
+        ports = ports.at[:, 1].set(given.drives.mean[:, 0, 1] * effect.slope * (q.l - effect.length))
     elif isinstance(effect, AbstractDrive | InputDelay):
-        base, changed = (drive_inputs(p, lane) for p in (plant, Plant(plant.bridge, (*plant.effects, effect))))
+        base, changed = given.drives, drive_inputs(_with(given.plant, effect), lane)
         mean, early = changed.mean[:, 0] - base.mean[:, 0], changed.early[:, 0] - base.early[:, 0]
         # The two moments of the change, as a change that is held and an impulse at the beginning.
         ports = ports.at[:, 0:2].set(2.0 * mean - early)
         ports = ports.at[:, 11:13].set((early - mean) * lane.dt[:, None])
     elif isinstance(effect, AbstractSensor | SensorDelay):
-        with_it = readings(Plant(plant.bridge, (*plant.effects, effect)), lane, motions)
-        reads = with_it - readings(plant, lane, motions)
+        reads = readings(_with(given.plant, effect), lane, motions) - given.readings
     return ports, reads
+
+
+def _with(plant: Plant, effect: AbstractEffect) -> Plant:
+    return Plant(plant.bridge, (*plant.effects, effect))
