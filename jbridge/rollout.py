@@ -284,8 +284,9 @@ def advance(
         return Motions(q_next, v_next, lag_at(1.0), z_next), None
 
     steps = now._replace(number=jnp.zeros_like(now.h, dtype=now.number.dtype))
-    carry, _ = jax.lax.scan(step, carry, steps)
-    return carry
+    if now.h.shape[0] == 1:  # a loop over one step would only be traced and transformed for nothing
+        return step(carry, jax.tree.map(lambda leaf: leaf[0], steps))[0]
+    return jax.lax.scan(step, carry, steps)[0]
 
 
 def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: Axes) -> Motions:

@@ -130,7 +130,8 @@ def table(halves: dict[str, dict]) -> str:
         rows, made = halves[n]["rows"], halves[n]
         missed = misses(rows)
         lines += ["", f"## Misses of {n}: {len(missed)} of {len(rows)} cases", ""]
-        code = made["commit"] or "unversioned"
+        codes = sorted({r["code"] for r in rows if r.get("code")}) or [made["commit"] or "unversioned"]
+        code = ", ".join(codes)
         lines += [f"{len(rows)} of {made['cases']} cases run; code {code}; {made['cores']} cores.", ""]
         lines += missed or ["none"]
         if any(r.get("probability") is not None for r in rows):
@@ -139,7 +140,7 @@ def table(halves: dict[str, dict]) -> str:
 
 
 SEVERITIES = ((0.0, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, float("inf")))
-"""Of the hold-out error of the model as given, over the noise."""
+"""Of the hold-out error of the refitted model without the effect, over the noise, root mean square of the channels."""
 
 
 def by_severity(rows: list[dict]) -> list[str]:
@@ -152,13 +153,14 @@ def by_severity(rows: list[dict]) -> list[str]:
         span = f"{low:g} to {high:g}" if high < float("inf") else f"above {low:g}"
         shares = _share(here, "detected"), _share(here, "equation_right"), _share(named, "set_right")
         lines.append(f"| {span} | {len(here)} | " + " | ".join(shares) + " |")
-    return lines
+    failed = [r for r in rows if r["true"] and r["before"] is None]
+    return [*lines, f"| did not finish | {len(failed)} | | | |"] if failed else lines
 
 
 def reliability(rows: list[dict]) -> list[str]:
-    """How often the first name is right, over the probability that was given to it."""
+    """How often the first name is right where one was given as the verdict, over its probability."""
     lines = ["| probability of the first name | cases | mean probability | right |", "|---|---|---|---|"]
-    told = [r for r in rows if r.get("probability") is not None and r["true_verdict"] == "missing_physics"]
+    told = [r for r in rows if r.get("probability") is not None and r["verdict"] == "missing_physics"]
     for low, high in ((0.0, 0.6), (0.6, 0.9), (0.9, 0.99), (0.99, 1.01)):
         here = [r for r in told if low <= r["probability"] < high]
         mean = f"{100 * sum(r['probability'] for r in here) / len(here):.1f} %" if here else "none"

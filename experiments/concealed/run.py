@@ -48,14 +48,14 @@ def diagnose(case: Path, timeout: float) -> str:
     out.mkdir(parents=True)
     command = [sys.executable, "-m", "jbridge", "diagnose", case / "model.toml", *recordings(case, "train")]
     command += ["--holdout", *recordings(case, "holdout"), "--out", out]
-    start = time.monotonic()
+    code, start = commit(), time.monotonic()
     with open(out / "log.txt", "w") as log:
         try:
             status = subprocess.run(command, cwd=ROOT, stdout=log, stderr=log, timeout=timeout).returncode
         except subprocess.TimeoutExpired:
             status = -1
     seconds = time.monotonic() - start
-    done.write_text(json.dumps({"status": status, "seconds": round(seconds, 2), "code": commit()}) + "\n")
+    done.write_text(json.dumps({"status": status, "seconds": round(seconds, 2), "code": code}) + "\n")
     return f"{seconds:.0f} s" if status == 0 else f"failed with status {status}, see {out / 'log.txt'}"
 
 

@@ -34,8 +34,8 @@ MEASURES = ("settling_load", "residual_swing", "itae_x", "itae_l")
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
 PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
 ROLLOUTS_OF_A_GRADIENT = 5
-"""As how many rollouts a value with its gradient counts. It takes more time than that (see the seconds); a gradient by
-differences would take as many rollouts as there are numbers."""
+"""As how many rollouts an evaluation of a descent counts. A value with its gradient costs five to seven; the few
+judgements on the way cost one, and count as much. A gradient by differences would take as many as there are numbers."""
 HELD_OUT_SEED = 77
 CONTROLLERS = (
     "paper", "paper scaled", "paper scaled, compensated", "paper tuned", "extended", "extended tuned",

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -63,6 +64,9 @@ def candidate_columns(
         found: candidates without a hidden state.
     """
     lanes = refined(batch.lanes, batch.substeps)
+    # Where nothing asks for the model, its number of parameters must not tell programs apart.
+    none = jnp.zeros((lanes.override_at.shape[0], 0))
+    bare = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, (none, none))
     along = linearise(table, jnp.asarray(vector), jnp.asarray(initial), lanes)
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
@@ -73,7 +77,7 @@ def candidate_columns(
             jnp.asarray(vector if group[0].asks_plant else np.zeros(0)),
             [jnp.asarray(family.points) for family in group],
             [jnp.asarray(family.directions) for family in group],
-            lanes,
+            lanes if group[0].asks_plant else bare,
             along.motions,
         )
         change = np.array(_carried(table, batch.substeps, jnp.asarray(vector), lanes, along, *acts))
@@ -105,7 +109,8 @@ class _Family:
     points: list[NDArray[np.float64]]
     """The effect's numbers at each seed."""
     asks_plant: bool
-    """Whether what it does depends on the model beside the motion; programs of the others serve every model."""
+    """Whether what it does depends on the model beside the motion; programs of the others serve every model with the
+    same hidden coordinates."""
 
     @property
     def width(self) -> int:

@@ -31,11 +31,11 @@ _TINY = 1e-30
 
 
 def lesser(a: Array, b: Array | float) -> Array:
-    """The smaller of two numbers; the second one where they are equal.
+    """The smaller of two numbers; the second one where they are equal, and nan where either is.
 
     A choice, whose derivative is a choice again: that of `jnp.minimum` takes several times the code.
     """
-    return jnp.where(a < b, a, b)
+    return jnp.where((a < b) | (a != a), a, b)
 
 
 def between(value: Array, low: Array | float, high: Array | float) -> Array:
@@ -80,7 +80,7 @@ def minimum(a: Array, b: Array, softness: Softness = None) -> Array:
 
 def maximum(a: Array, b: Array, softness: Softness = None) -> Array:
     """The larger of two degrees, neither of them negative."""
-    return jnp.where(a > b, a, b) if softness is None else a + b - minimum(a, b, softness)
+    return jnp.where((a > b) | (a != a), a, b) if softness is None else a + b - minimum(a, b, softness)
 
 
 class AbstractNorm(eqx.Module):

@@ -36,7 +36,7 @@ class Blocks:
             (jnp.asarray(rows[take]), jax.tree.map(lambda leaf, take=take: jnp.asarray(leaf[take]), moves))
             for take in takes
         ]
-        self._compiled: set[int] = set()
+        self._compiled: set[tuple[int, Any]] = set()
 
     def each(self, program: Any, *given: Any) -> Any:
         """What a program gives for every rollout, as arrays with a leading axis of rollouts.
@@ -49,9 +49,10 @@ class Blocks:
         def one(block: tuple[Array, Moves]) -> Any:
             return jax.block_until_ready(program(*given, *block))
 
-        begun = 0 if id(program) in self._compiled else 1
+        key = id(program), jax.tree.structure(given)
+        begun = 0 if key in self._compiled else 1
         found = [one(block) for block in self._blocks[:begun]]  # alone: the others find it compiled
-        self._compiled.add(id(program))
+        self._compiled.add(key)
         with ThreadPoolExecutor(_threads()) as pool:
             found += pool.map(one, self._blocks[begun:])
         return jax.tree.map(lambda *parts: np.concatenate(parts)[: self.count], *found)

@@ -37,7 +37,7 @@ class Scatter:
     lag: float = 0.3
     delay: float = 0.3
     late: float = 0.0
-    """Largest further delay of both drives [s], in an ensemble whose plant was made `late`."""
+    """Largest further delay of each drive [s], drawn one by one, in an ensemble whose plant was made `late`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,6 +176,8 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
     factors[0] = 1.0
     rows = base * factors
     if scatter.late > 0:
+        if len(late(plant).effects) > len(plant.effects):
+            raise ValueError("further delays need a plant with an input_delay in each drive")
         for effect in plant.all(InputDelay):
             places = table.positions(f"{effect.kind}@{effect.site}.delay")
             rows[1:, places] += rng.uniform(0.0, scatter.late, (count - 1, 1))

@@ -219,7 +219,7 @@ def descend(
             if step % every == every - 1 and step > first:
                 before = cost.smooth(state.best, float(softness[step]))
                 rollouts += cost.count
-                if course[-1] < before:
+                if course[-1] < before or not np.isfinite(before):
                     state = state._replace(best=z)
                 elif not course[-1] <= _LOST * before:
                     tell(f"step {step} of {steps}{which}: back to the best controller so far, at half the pace")

@@ -291,6 +291,13 @@ def test_a_bell_has_a_gradient_everywhere(width, slope, value):
     assert all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(found))
 
 
+@pytest.mark.parametrize("softness", [None, 0.1])
+@pytest.mark.parametrize("norm", [Minimum(), Maximum()])
+def test_what_is_not_a_number_stays_so(norm, softness):
+    nan, some = jnp.asarray(np.nan), jnp.asarray(0.3)
+    assert np.isnan(norm(nan, some, softness)) and np.isnan(norm(some, nan, softness))
+
+
 @pytest.mark.parametrize("norm", [Minimum(), Maximum()])
 def test_written_out_derivatives_of_blurred_norms(norm):
     """Against differences, in both modes: of degrees apart, within reach of each other, and of the softness."""

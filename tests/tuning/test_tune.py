@@ -336,6 +336,23 @@ class Astray(Cost):
         return np.array([self.hard(z)]), way * 2.0 * (z - 1.0)[None]
 
 
+class Nowhere(Astray):
+    """The same bowl, whose beginning has no cost."""
+
+    def smooth(self, z, softness):
+        return float("nan") if np.all(z == 0.0) else self.hard(z)
+
+    def gradients(self, z, softness):
+        return np.array([self.hard(z)]), 2.0 * (z - 1.0)[None]
+
+
+def test_a_descent_leaves_a_place_without_a_cost():
+    """It would be sent back there at every comparison, and never come near."""
+    with jax.numpy_dtype_promotion("standard"):
+        best, _, _, _ = descend(Nowhere(), OneKnob(), 30, 1, 0, lambda text: None)
+    np.testing.assert_allclose(best, 1.0, atol=0.2)
+
+
 def test_a_descent_led_astray_goes_back():
     told = []
     with jax.numpy_dtype_promotion("standard"):
