@@ -102,7 +102,6 @@ def options() -> argparse.Namespace:
     parser.add_argument("--generate-only", action="store_true", help="write the recordings and stop")
     parser.add_argument("--again", action="store_true", help="forget finished diagnoses of the chosen cases")
     parser.add_argument("--score-only", action="store_true", help="score what is finished, diagnose nothing")
-    parser.add_argument("--add", action="store_true", help="keep saved rows of cases whose reports are gone")
     parser.add_argument("--figures", action="store_true", help="redraw table and picture from saved data and stop")
     chosen = parser.parse_args()
     if not chosen.figures and not chosen.half:
@@ -139,7 +138,7 @@ def main() -> None:
     rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
     rows = [row for row in rows if row]
     data = FIGURES / "data" / f"concealed-{chosen.half}.json"
-    if chosen.add and data.exists():
+    if data.exists():  # rows of cases whose reports are gone stay, each with the code that diagnosed it
         fresh = {row["id"] for row in rows}
         rows += [row for row in json.loads(data.read_text())["rows"] if row["id"] not in fresh]
         rows.sort(key=lambda row: row["id"])

@@ -69,7 +69,7 @@ def compile_times() -> dict[str, float]:
 def gradients(lanes: str, seconds: str) -> dict[str, float]:
     """Seconds of a closed-loop cost, and of its value with the gradient by every number of both controllers.
 
-    In blocks that fit a core's cache, one on each core, as `tune` runs them.
+    In blocks that fit a core's cache, one on each core.
     """
     import jax
     import numpy as np

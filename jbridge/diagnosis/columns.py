@@ -186,13 +186,13 @@ def _ports(
 ) -> tuple[Float[Array, "lane time 13 filled"], Float[Array, "lane sample 3 filled"]]:
     """What all seeds add at the ports and directly to the readings, filled up to a whole group."""
 
-    def without(lane: Lanes, path: Motions) -> _Given | None:
+    def given_of(lane: Lanes, path: Motions) -> _Given | None:
         if table is None:
             return None
         plant = table.unravel(jnp.where(lane.override_at > 0, lane.override_to, vector))
         return _Given(plant, drive_inputs(plant, lane.lane), readings(plant, lane.lane, path))
 
-    given = jax.vmap(without)(lanes, motions)
+    given = jax.vmap(given_of)(lanes, motions)
     through, direct = [], []
     for (own, finite), seeds, directed in zip(families, points, directions, strict=True):
 
@@ -250,15 +250,11 @@ def _acts(
     elif isinstance(effect, DrumRadiusChange):
         ports = ports.at[:, 1].set(given.drives.mean[:, 0, 1] * effect.slope * (q.l - effect.length))
     elif isinstance(effect, AbstractDrive | InputDelay):
-        base, changed = given.drives, drive_inputs(_with(given.plant, effect), lane)
+        base, changed = given.drives, drive_inputs(given.plant.adding(effect), lane)
         mean, early = changed.mean[:, 0] - base.mean[:, 0], changed.early[:, 0] - base.early[:, 0]
         # The two moments of the change, as a change that is held and an impulse at the beginning.
         ports = ports.at[:, 0:2].set(2.0 * mean - early)
         ports = ports.at[:, 11:13].set((early - mean) * lane.dt[:, None])
     elif isinstance(effect, AbstractSensor | SensorDelay):
-        reads = readings(_with(given.plant, effect), lane, motions) - given.readings
+        reads = readings(given.plant.adding(effect), lane, motions) - given.readings
     return ports, reads
-
-
-def _with(plant: Plant, effect: AbstractEffect) -> Plant:
-    return Plant(plant.bridge, (*plant.effects, effect))

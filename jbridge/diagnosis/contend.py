@@ -68,7 +68,7 @@ def _in_place(search: Search, state: State, chosen: Trial, trial: Trial) -> Stat
         bridge = dataclasses.replace(plant.bridge, **{site: getattr(trial.plant.bridge, site)})
         return search.polish(Plant(bridge, plant.effects), known - {site}, state.initial, accepted)
     own = next(effect for effect in reversed(trial.plant.effects) if (effect.kind, effect.site) == (kind, site))
-    return search.polish(Plant(plant.bridge, (*plant.effects, own)), known, state.initial, accepted)
+    return search.polish(plant.adding(own), known, state.initial, accepted)
 
 
 def explanations(effects: Sequence[NamedEffect]) -> tuple[Mapping[str, object], ...]:

@@ -179,7 +179,7 @@ class Search:
         plant = state.plant
         if candidate.kind != WRONG_VALUE:
             values = {k: v for k, v in candidate.values.items() if k != "coulomb"}
-            plant = Plant(plant.bridge, (*plant.effects, make_effect(candidate.kind, candidate.site, values)))
+            plant = plant.adding(make_effect(candidate.kind, candidate.site, values))
         engine = Engine(plant)
         vector = transfer(state.engine.table, state.vector, engine.table, np.array(engine.table.ravel(plant)))
         names = [state.engine.table.entry(int(p)).name for p in state.free]

@@ -77,6 +77,10 @@ class Plant(eqx.Module):
     bridge: Bridge
     effects: tuple[AbstractEffect, ...] = ()
 
+    def adding(self, *effects: AbstractEffect) -> "Plant":
+        """The same plant with further effects."""
+        return Plant(self.bridge, (*self.effects, *effects))
+
     def all(self, cls: type[E], site: str | None = None) -> Iterator[E]:
         """The effects of a class, at one site or everywhere."""
         for effect in self.effects:

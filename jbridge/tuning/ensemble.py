@@ -135,7 +135,7 @@ def late(plant: Plant) -> Plant:
     """The same plant with a delay of 0 in each drive that has none, so that bridges about it may answer late."""
     own = {effect.site for effect in plant.all(InputDelay)}
     more = [InputDelay(delay=jnp.zeros(()), site=site) for site in InputDelay.sites if site not in own]
-    return Plant(plant.bridge, (*plant.effects, *more))
+    return plant.adding(*more)
 
 
 def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter()) -> NDArray[np.float64]:
