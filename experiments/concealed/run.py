@@ -140,7 +140,9 @@ def main() -> None:
     data = FIGURES / "data" / f"concealed-{chosen.half}.json"
     if data.exists():  # rows of cases whose reports are gone stay, each with the code that diagnosed it
         fresh = {row["id"] for row in rows}
-        rows += [row for row in json.loads(data.read_text())["rows"] if row["id"] not in fresh]
+        saved = json.loads(data.read_text())
+        older = (row for row in saved["rows"] if row["id"] not in fresh)
+        rows += [row | {"code": row.get("code") or saved["commit"]} for row in older]
         rows.sort(key=lambda row: row["id"])
     saved = {
         "half": chosen.half, "commit": commit(), "cores": os.cpu_count(), "cases": len(truths),
