@@ -278,13 +278,13 @@ __all__ = [
 
 
 def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
-    """Turns on double precision, which every result needs, and keeps compiled programs from one run to the next.
+    """Turns on double precision, which every result needs, and keeps programs from one run to the next.
 
     To be called once, before anything is computed, by whoever starts the computation: commands, experiments, notebooks.
 
     Args:
-        cache: whether to keep compiled programs, in the user's cache folder (`$XDG_CACHE_HOME` or `~/.cache`).
-            A folder that cannot be written costs time and changes nothing.
+        cache: whether to keep programs, traced and compiled, in the user's cache folder (`$XDG_CACHE_HOME` or
+            `~/.cache`). A folder that cannot be written costs time and changes nothing.
         whole_loops: whether a loop over time becomes one kernel on a processor. Batches whose state fits into a core's
             cache then run several times faster; for the tangents of a fit it gains nothing and compiles longer.
     """
@@ -293,6 +293,8 @@ def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
     from pathlib import Path
 
     import jax
+
+    from ._programs import keep_in
 
     jax.config.update("jax_enable_x64", True)
     flags = os.environ.get("XLA_FLAGS", "")
@@ -305,6 +307,7 @@ def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
     try:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge" / "jax"
         folder.mkdir(parents=True, exist_ok=True)
+        keep_in(folder.parent / "programs")
     except (OSError, RuntimeError):  # no home, or one that is read-only
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))

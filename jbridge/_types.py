@@ -7,10 +7,13 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
+from ._programs import returned
+
 Scalar = Float[Array, ""]
 """One number; batches come from `jax.vmap`."""
 
 
+@returned
 class Axes(NamedTuple):
     """One value for each axis of the bridge: cart, swing and hoist."""
 

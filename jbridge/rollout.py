@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ._math import materialise
+from ._programs import returned
 from ._types import Axes, Scalar
 from .collect import AbstractCollector, Everything
 from .inputs import Lane, drive_inputs, step_edges
@@ -23,6 +24,7 @@ from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
 
 
+@returned
 class Motions(NamedTuple):
     """A rollout at the samples: positions and velocities of all coordinates, and the hidden states."""
 

@@ -6,7 +6,6 @@ absent enter with what they would do at a finite seed, as one column whose ampli
 """
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -18,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from .._programs import kept
 from .._types import AXES
 from ..identify.lanes import Batch, Lanes, refined
 from ..identify.respond import PORTS, Along, linearise, respond
@@ -67,20 +67,20 @@ def candidate_columns(
     # Where nothing asks for the model, its number of parameters must not tell programs apart.
     none = jnp.zeros((lanes.override_at.shape[0], 0))
     bare = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, (none, none))
-    along = linearise(table, jnp.asarray(vector), jnp.asarray(initial), lanes)
+    along = linearise(table, vector, initial, lanes)
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
     def carry(group: list[_Family]) -> None:
         acts = _ports(
             table if group[0].asks_plant else None,
             tuple((family.table, family.finite) for family in group),
-            jnp.asarray(vector if group[0].asks_plant else np.zeros(0)),
-            [jnp.asarray(family.points) for family in group],
-            [jnp.asarray(family.directions) for family in group],
+            vector if group[0].asks_plant else np.zeros(0),
+            [np.array(family.points) for family in group],
+            [family.directions for family in group],
             lanes if group[0].asks_plant else bare,
             along.motions,
         )
-        change = np.array(_carried(table, batch.substeps, jnp.asarray(vector), lanes, along, *acts))
+        change = np.array(_carried(table, batch.substeps, vector, lanes, along, *acts))
         change = change.reshape(*change.shape[:2], -1)
         # What the linear model cannot carry through explains nothing.
         change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
@@ -174,7 +174,7 @@ class _Given(NamedTuple):
     readings: Float[Array, "sample 3"]
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@kept(static=(0, 1))
 def _ports(
     table: ParameterTable | None,
     families: tuple[tuple[ParameterTable, bool], ...],
@@ -215,7 +215,7 @@ def _ports(
     return jnp.pad(ports, empty), jnp.pad(reads, empty)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@kept(static=(0, 1))
 def _carried(
     table: ParameterTable, substeps: int, vector: Array, lanes: Lanes, along: Along, ports: Array, reads: Array
 ) -> Float[Array, "lane column sample 3"]:

@@ -11,9 +11,11 @@ from collections.abc import Mapping
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from .._programs import kept
 from .._types import AXES, Axes, Scalar
 from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
@@ -90,12 +92,17 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     return Balance(t, q, v, out, u)
 
 
+@kept()
+def _chain(plant: Plant, dt: Float[Array, " time"], inputs: Float[Array, "time 2"]) -> Float[Array, "time 2"]:
+    one = jnp.ones(())
+    lane = Lane(jnp.zeros(()), dt, inputs, jnp.zeros(0), Axes(one, one, one))
+    return drive_inputs(plant, lane).mean[:, 0]
+
+
 def _behind_drives(
     plant: Plant, t: NDArray[np.float64], inputs: NDArray[np.float64], period: float
 ) -> dict[str, NDArray[np.float64]]:
-    one = jnp.ones(())
-    lane = Lane(jnp.zeros(()), jnp.full(len(t), period), jnp.asarray(inputs), jnp.zeros(0), Axes(one, one, one))
-    chain = np.asarray(drive_inputs(plant, lane).mean[:, 0])
+    chain = np.asarray(_chain(plant, np.full(len(t), period), inputs))
     constants = plant.time_constants()
     volts: dict[str, NDArray[np.float64]] = {}
     for k, axis in enumerate(("x", "l")):
@@ -122,8 +129,26 @@ def _residual(
     recording: Recording,
 ) -> dict[str, NDArray[np.float64]]:
     """Needed force less the model's, before smoothing; mechanisms' hidden coordinates are taken as at rest."""
-    b = plant.bridge
     loaded = recording.has_swing or recording.has_hoist
+    motion = [[part[axis] for axis in AXES] for part in (q, v, a)]
+    axes = [Axes(*part) for part in jax.device_put([*motion, [volts["x"], np.zeros(len(t)), volts["l"]]])]
+    rest, up, down = _left_over(loaded, plant, t, *axes)
+    out = {}
+    for k, axis in enumerate(AXES):
+        speed = v[axis]
+        # An axis counts as moving above a speed at which the smoothing window sees no reversal.
+        slow = 0.08 * max(float(np.quantile(np.abs(speed), 0.9)), 1e-6)
+        friction = np.where(speed > 0, -np.asarray(up[k]), np.asarray(down[k]))
+        out[axis] = np.where(np.abs(speed) > slow, np.asarray(rest[k]) - friction, np.nan)
+    return out
+
+
+@kept(static=(0,))
+def _left_over(
+    loaded: bool, plant: Plant, t: Float[Array, " time"], q: Axes, v: Axes, a: Axes, volts: Axes
+) -> tuple[Axes, Axes, Axes]:
+    """Forces that no part of the plant gives, and its friction levels up and down, at every time."""
+    b = plant.bridge
 
     def at(t: Scalar, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
         m = b.mass_matrix(q)
@@ -137,14 +162,4 @@ def _residual(
         rest = Axes(*(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True)))
         return rest, up, down
 
-    axes = [Axes(*(jnp.asarray(part[axis]) for axis in AXES)) for part in (q, v, a)]
-    drive = Axes(jnp.asarray(volts["x"]), jnp.zeros(len(t)), jnp.asarray(volts["l"]))
-    rest, up, down = jax.vmap(at)(jnp.asarray(t), axes[0], axes[1], axes[2], drive)
-    out = {}
-    for k, axis in enumerate(AXES):
-        speed = v[axis]
-        # An axis counts as moving above a speed at which the smoothing window sees no reversal.
-        slow = 0.08 * max(float(np.quantile(np.abs(speed), 0.9)), 1e-6)
-        friction = np.where(speed > 0, -np.asarray(up[k]), np.asarray(down[k]))
-        out[axis] = np.where(np.abs(speed) > slow, np.asarray(rest[k]) - friction, np.nan)
-    return out
+    return jax.vmap(at)(t, q, v, a, volts)

@@ -182,10 +182,12 @@ def make_batch(
     initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
     cuts += [(-1, 0, 0)] * spare
     starts = np.array([recordings[r].begun + grids[r].times[a] if r >= 0 else 0.0 for r, a, _ in cuts])
-    active = Axes(*(jnp.asarray([float(grids[max(r, 0)].active[k]) for r, _, _ in cuts]) for k in range(3)))
-    lane = jax.vmap(Lane)(jnp.asarray(starts), jnp.asarray(dt), jnp.asarray(u), jnp.asarray(before), active)
+    moving = [np.array([float(grids[max(r, 0)].active[k]) for r, _, _ in cuts]) for k in range(3)]
+    # Put on the device as they are: every operation of JAX would be compiled for every shape.
+    axes, timed, measured = jax.device_put((moving, [starts, dt, u, before], [y, weight, at, to]))
+    lane = jax.vmap(Lane)(timed[0], timed[1], timed[2], timed[3], Axes(*axes))
     return Batch(
-        Lanes(lane, jnp.asarray(y), jnp.asarray(weight), jnp.asarray(at), jnp.asarray(to)),
+        Lanes(lane, *measured),
         initial,
         prior,
         np.array([r for r, _, _ in cuts]),

@@ -5,7 +5,6 @@ lane of every row (a row is one parameter vector with its free parameters) and p
 free parameter and each initial value. Which parameters are free is data, so one program serves all candidates.
 """
 
-import functools
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
+from .._programs import kept
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..rollout import MIDPOINT, Motions, readings, rollout
@@ -79,9 +79,7 @@ class Engine:
             jobs.append((vectors[take], places[take], initial[take]))
 
         def run(job: tuple) -> tuple[NDArray[np.float64], ...]:
-            tangents, residual, predicted = map(
-                np.asarray, _tangents(self.table, *map(jnp.asarray, job), batch.lanes, batch.substeps)
-            )
+            tangents, residual, predicted = map(np.asarray, _tangents(self.table, *job, batch.lanes, batch.substeps))
             table = np.concatenate([tangents, residual[:, :, None]], axis=2)
             with np.errstate(over="ignore", invalid="ignore"):  # a trial that runs away is judged by its cost
                 products = table @ np.swapaxes(table, 2, 3)
@@ -96,7 +94,7 @@ class Engine:
 
     def motions(self, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch) -> tuple:
         """Motions and readings of all lanes at one parameter vector."""
-        return _motions(self.table, jnp.asarray(vector), jnp.asarray(initial), batch.lanes, batch.substeps)
+        return _motions(self.table, vector, initial, batch.lanes, batch.substeps)
 
 
 def _predict(
@@ -108,7 +106,7 @@ def _predict(
     return motions, readings(plant, lanes.lane, motions)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 5))
+@kept(static=(0, 5))
 def _tangents(
     table: ParameterTable,
     vectors: Float[Array, "row parameter"],
@@ -145,6 +143,6 @@ def _jvp_batch(f: object, z: Array, directions: Array) -> tuple[Array, Array]:
     return jax.vmap(push, out_axes=(None, 0))(directions)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 4))
+@kept(static=(0, 4))
 def _motions(table: ParameterTable, vector: Array, initial: Array, lanes: Lanes, substeps: int) -> tuple:
     return jax.vmap(lambda start, lane: _predict(table, vector, start, lane, substeps))(initial, lanes)

@@ -6,7 +6,6 @@ readings is a linear recursion. One structure of program serves every candidate 
 is a matrix product a step.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
@@ -14,6 +13,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from .._programs import kept, returned
 from .._types import Axes
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant, Push
@@ -26,6 +26,7 @@ PORTS = 13
 three axes, all held, and impulses of the two inputs at the interval's beginning."""
 
 
+@returned
 class Along(NamedTuple):
     """A trajectory of every lane, with its linearisation."""
 
@@ -35,7 +36,7 @@ class Along(NamedTuple):
     to_ports: Float[Array, "lane time state 13"]
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@kept(static=(0,))
 def linearise(
     table: ParameterTable,
     vector: Float[Array, " parameter"],
@@ -76,7 +77,7 @@ def linearise(
     return jax.vmap(one)(initial, lanes)
 
 
-@functools.partial(jax.jit, static_argnums=(0,))
+@kept(static=(0,))
 def respond(
     table: ParameterTable,
     vector: Float[Array, " parameter"],

@@ -77,6 +77,9 @@ class ParameterTable:
             return NotImplemented
         return (self._treedef, self._shapes) == (other._treedef, other._shapes)
 
+    def __repr__(self) -> str:
+        return f"ParameterTable({self._treedef}, {self._shapes})"
+
     def _describe(
         self, part: Any, owner: int, info: ParameterInfo, offset: int, size: int, command: Mapping[str, str]
     ) -> None:
@@ -148,15 +151,19 @@ class ParameterTable:
 
     def ravel(self, plant: Plant) -> Float[Array, " parameter"]:
         leaves = jax.tree.leaves(plant)
+        if not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+            # Copied as they are: every operation of JAX would be compiled for every structure.
+            return jax.device_put(np.concatenate([np.ravel(np.asarray(leaf, dtype=float)) for leaf in leaves]))
         return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=jnp.result_type(float))) for leaf in leaves])
 
     def unravel(self, vector: Float[Array, " parameter"] | Float[np.ndarray, " parameter"]) -> Plant:
-        vector = jnp.asarray(vector)
+        traced = isinstance(vector, jax.core.Tracer)
+        values = vector if traced else np.asarray(vector)
         leaves, offset = [], 0
         for shape, size in zip(self._shapes, self._sizes, strict=True):
-            leaves.append(jnp.reshape(vector[offset : offset + size], shape))
+            leaves.append(values[offset : offset + size].reshape(shape))
             offset += size
-        return jax.tree.unflatten(self._treedef, leaves)
+        return jax.tree.unflatten(self._treedef, leaves if traced else jax.device_put(leaves))
 
 
 def _without_site(group: str) -> str:

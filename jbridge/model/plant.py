@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._math import materialise, sincos
+from .._programs import returned
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
 from .effects.base import (
@@ -40,6 +41,7 @@ _CONTACT_RELAXATION = 20.0
 E = TypeVar("E", bound=AbstractEffect)
 
 
+@returned
 class Motion(NamedTuple):
     """Positions, velocities or accelerations of all coordinates; hidden ones are None where there is no mechanism."""
 

@@ -1,0 +1,143 @@
+"""Programs kept from one run to the next before they are compiled.
+
+JAX's compilation cache keeps what the compiler made of a program, but finds it only after Python has traced and lowered
+the program again, which for the rollouts of a diagnosis takes longer than running them. Here the lowered program is
+kept, too (`jax.export`), under a name made of everything that it depends on: this package's sources, the versions of
+JAX, the structure of what is held constant, and the shapes of the arguments. It is data for the compiler, not code for
+Python.
+"""
+
+import functools
+import hashlib
+import os
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jax
+import jax.export
+import jaxlib.version
+
+_DAYS_KEPT = 30
+"""Programs of sources that have not run for so long are removed."""
+_CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
+_folder: Path | None = None
+
+
+def keep_in(folder: Path | None) -> None:
+    """Keeps programs in a folder from now on; None keeps none.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    global _folder
+    if folder is None:
+        _folder = None
+        return
+    own = folder / _version()
+    own.mkdir(parents=True, exist_ok=True)
+    os.utime(own)
+    for other in folder.iterdir():
+        if other.stat().st_mtime < time.time() - _DAYS_KEPT * 86400:
+            shutil.rmtree(other, ignore_errors=True)
+    _folder = own
+
+
+T = TypeVar("T", bound=type)
+
+
+def returned(cls: T) -> T:
+    """For a `NamedTuple` that a kept program returns: its name goes into the file."""
+    jax.export.register_namedtuple_serialization(cls, serialized_name=f"{cls.__module__}.{cls.__qualname__}")
+    return cls
+
+
+def kept(*, static: tuple[int, ...] = ()) -> Callable[[Callable], "Program"]:
+    """`jax.jit` for a function of arrays that remembers its programs, see `keep_in`.
+
+    Args:
+        static: places of arguments that are no arrays. Equal ones make the same program, and their `repr` says, in
+            words that are the same in every process, all that it depends on.
+    """
+    return functools.partial(Program, static=static)
+
+
+class Program:
+    """A compiled function, traced once for all runs. May be called inside another one, which then takes it in."""
+
+    def __init__(self, function: Callable, static: tuple[int, ...]):
+        functools.update_wrapper(self, function)
+        self._name: str = function.__name__
+        self._function = function
+        self._static = static
+        self._jit = jax.jit(function, static_argnums=static)
+        self._loaded: dict[Hashable, Callable] = {}
+        self._locks: dict[Hashable, threading.Lock] = {}
+
+    def __call__(self, *args: Any) -> Any:
+        given = [arg for i, arg in enumerate(args) if i not in self._static]
+        constants = tuple(args[i] for i in self._static)
+        leaves, treedef = jax.tree.flatten(given)
+        if _folder is None or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+            return self._jit(*args)
+        kinds = tuple((leaf.shape, str(leaf.dtype), bool(getattr(leaf, "weak_type", False))) for leaf in leaves)
+        key = (_folder, constants, treedef, kinds)
+        call = self._loaded.get(key)
+        if call is None:
+            with self._locks.setdefault(key, threading.Lock()):
+                call = self._loaded.get(key)
+                if call is None:
+                    call = self._loaded[key] = self._load(_folder, constants, treedef, kinds, leaves)
+        return call(*leaves)
+
+    def _load(self, folder: Path, constants: tuple, treedef: Any, kinds: tuple, leaves: list) -> Callable:
+        text = repr((self.__module__, self._name, constants, str(treedef), kinds, _settings()))
+        path = folder / hashlib.sha256(text.encode()).hexdigest()
+
+        def flat(*leaves: Any) -> Any:
+            args = list(jax.tree.unflatten(treedef, leaves))
+            for i, constant in sorted(zip(self._static, constants, strict=True)):
+                args.insert(i, constant)
+            return self._function(*args)
+
+        flat.__name__ = self._name
+        try:
+            exported = jax.export.deserialize(bytearray(path.read_bytes()))
+        except Exception:  # absent, cut short or of another format: traced anew, and replaced
+            exported = jax.export.export(jax.jit(flat))(*leaves)
+            _write(path, exported.serialize())
+
+        def call(*leaves: Any) -> Any:
+            return exported.call(*leaves)
+
+        call.__name__ = self._name
+        return jax.jit(call)
+
+
+def _settings() -> tuple[str, ...]:
+    """Settings of JAX that change what is traced."""
+    return (jax.default_backend(), *(str(getattr(jax.config, name)) for name in _CHANGE_TRACES))
+
+
+def _write(path: Path, content: bytes | bytearray) -> None:
+    """Writes a file whole or not at all; a full disk costs time and changes nothing."""
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(content)
+        os.replace(file.name, path)
+    except OSError:
+        pass
+
+
+@functools.cache
+def _version() -> str:
+    """One name for the sources of this package and the versions of what lowers them."""
+    digest = hashlib.sha256(f"{jax.__version__} {jaxlib.version.__version__}".encode())
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        digest.update(f"{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:24]

@@ -1,0 +1,124 @@
+"""Programs kept from run to run: traced once, told apart by all they depend on, and never in the way."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jbridge import _programs
+from jbridge._programs import Program, keep_in
+from jbridge._types import Axes
+from jbridge.model.bridge import Bridge
+from jbridge.model.effects.catalogue import KINDS, make_effect
+from jbridge.model.parameters import ParameterTable
+from jbridge.model.plant import Plant
+
+
+@pytest.fixture
+def folder(tmp_path):
+    keep_in(tmp_path)
+    yield tmp_path
+    keep_in(None)
+
+
+class Counted:
+    """A function that counts how often Python runs it."""
+
+    def __init__(self):
+        self.traced = 0
+        self.__qualname__ = self.__name__ = "counted"
+
+    def __call__(self, power, point, more):
+        self.traced += 1
+        return Axes(point.x**power + more, jnp.sin(point.psi), point.l), None, more.sum()
+
+
+POINT = Axes(np.arange(3.0), np.ones(3), np.float64(0.5) * np.ones(3))
+
+
+def test_a_second_run_finds_the_program_and_answers_the_same(folder):
+    first, second = Counted(), Counted()
+    expected = jax.jit(Counted(), static_argnums=0)(2, POINT, np.ones(3))
+    for function in (first, second):  # two objects, as two processes have
+        found = Program(function, (0,))(2, POINT, np.ones(3))
+        assert isinstance(found[0], Axes)
+        jax.tree.map(np.testing.assert_array_equal, found, expected)
+    assert (first.traced, second.traced) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (3, POINT, np.ones(3)),
+        (2, POINT, np.ones(1)),
+        (2, jax.tree.map(np.float32, POINT), np.ones(3, np.float32)),
+        (2, POINT, jnp.asarray(1.0) * 1),
+    ],
+    ids=["constant", "shape", "precision", "rank"],
+)
+def test_whatever_changes_the_program_makes_another_one(folder, other):
+    with jax.numpy_rank_promotion("allow"):
+        Program(Counted(), (0,))(2, POINT, np.ones(3))
+        function = Counted()
+        found = Program(function, (0,))(*other)
+        assert function.traced == 1
+        jax.tree.map(np.testing.assert_array_equal, found, jax.jit(Counted(), static_argnums=0)(*other))
+
+
+def test_other_sources_or_versions_have_a_folder_of_their_own(folder, monkeypatch):
+    Program(Counted(), (0,))(2, POINT, np.ones(3))
+    monkeypatch.setattr(_programs, "_version", lambda: "another")
+    keep_in(folder)
+    function = Counted()
+    Program(function, (0,))(2, POINT, np.ones(3))
+    assert function.traced == 1
+
+
+def test_what_has_not_run_for_long_is_removed(folder, monkeypatch):
+    Program(Counted(), (0,))(2, POINT, np.ones(3))
+    (old,) = folder.iterdir()
+    monkeypatch.setattr(_programs, "_version", lambda: "another")
+    keep_in(folder)
+    assert old.exists()
+    monkeypatch.setattr(_programs, "_DAYS_KEPT", -1)
+    keep_in(folder)
+    assert not old.exists()
+
+
+def test_a_damaged_file_is_replaced(folder):
+    Program(Counted(), (0,))(2, POINT, np.ones(3))
+    (path,) = folder.glob("*/*")
+    whole = path.read_bytes()
+    for damaged in (whole[: len(whole) // 2], b"", b"\0" * 100):
+        path.write_bytes(damaged)
+        function = Counted()
+        found = Program(function, (0,))(2, POINT, np.ones(3))
+        assert function.traced == 1
+        np.testing.assert_array_equal(found[0].x, POINT.x**2 + 1)
+        assert len(path.read_bytes()) == len(whole)
+
+
+def test_inside_another_program_it_is_an_ordinary_function(folder):
+    program = Program(Counted(), (0,))
+    slope = jax.grad(lambda more: program(2, POINT, more)[2])(jnp.ones(3))
+    np.testing.assert_array_equal(slope, np.ones(3))
+    assert not list(folder.glob("*/*"))
+
+
+def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert Program(Counted(), (0,))(2, POINT, np.ones(3))[2] == 3.0
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_table_says_all_that_tells_it_from_others():
+    """Programs are kept under what a table says of itself: what is equal must read the same, and nothing else may."""
+    plants = [Plant(Bridge(), ())]
+    for kind, cls in KINDS.items():
+        plants += [Plant(Bridge(), (make_effect(kind, site, {}),)) for site in cls.sites]
+    plants += [Plant(Bridge(), (*a.effects, *b.effects)) for a, b in zip(plants[1:], plants[2:], strict=False)]
+    tables = [ParameterTable(plant) for plant in plants]
+    said = [repr(table) for table in tables]
+    assert len(set(said)) == len(said) == len(set(tables))
+    assert said == [repr(ParameterTable(jax.tree.map(lambda leaf: leaf + 1.0, plant))) for plant in plants]
+    assert not any(" at 0x" in text for text in said)
