@@ -32,7 +32,7 @@ from .adequacy import (
 from .contend import contenders, continued, nearest
 from .curve import force_without_a_name
 from .design import next_experiment
-from .holdout import split_off
+from .holdout import off_map, split_off
 from .limits import not_seen
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, Former, NamedEffect
@@ -122,6 +122,11 @@ def diagnose(
     in_windows = search.window is not None
     proven = carries_over(runs[2].errors, runs[3].errors, setting.noise, windows=in_windows)
     unproven = bool(alarm and steps) and not proven
+    abroad = off_map(final_plant, {step.chosen.candidate.name for step in steps}, setting.holdout) if unproven else None
+    if is_large(left):
+        abroad = None
+    # A map explains all that was recorded, and the hold-out asks for places where nobody has been.
+    unproven = unproven and abroad is None
     measure = f"windows of {WINDOW:g} s" if in_windows else "free runs"
     first, last = (
         worst_ratio(run.errors.window if in_windows else run.errors.free_run, setting.noise) for run in runs[2:]
@@ -152,6 +157,7 @@ def diagnose(
         asked=p_value <= SIGNIFICANT,
         curve=curved is not None,
         unproven=unproven and not still,
+        abroad=abroad,
     )
     return Diagnosis(
         verdict,

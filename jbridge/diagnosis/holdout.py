@@ -1,10 +1,54 @@
-"""A hold-out taken from the recordings themselves where none was given."""
+"""A hold-out taken from the recordings themselves where none was given, and what a hold-out cannot judge."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from ..errors import InputError
+from ..model.effects.base import AXIS_OF_SITE, parameters_of
+from ..model.plant import Plant
 from ..recordings import Recording
+
+_ABROAD = 0.25
+"""Share of a hold-out's time off a map from which on the map cannot be judged by it: a simulation keeps its errors."""
+
+
+class OffMap(NamedTuple):
+    """A hold-out that goes where a map of friction was not learned."""
+
+    axis: str
+    learned: tuple[float, float]
+    """From where to where the recordings went [m]."""
+    asked: tuple[float, float]
+    """From where to where the hold-out goes [m]."""
+
+
+def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[Recording]) -> OffMap | None:
+    """Whether a hold-out spends much of its time where a named map over place knows nothing.
+
+    A map's knots span what the recordings covered; beyond them its value is only carried on, which is no claim.
+
+    Args:
+        plant: the final model.
+        named: kind and site of what was named.
+        holdout: recordings that took no part.
+    """
+    for effect in plant.effects:
+        knots = parameters_of(type(effect)).get("knots")
+        if knots is None or knots.unit != "{position}" or (effect.kind, effect.site) not in named:
+            continue
+        axis = AXIS_OF_SITE[effect.site]
+        places = np.asarray(effect.knots)  # type: ignore[attr-defined]
+        went = [getattr(r, axis) for r in holdout if getattr(r, axis) is not None]
+        if not went:
+            continue
+        values = np.concatenate(went)
+        margin = 0.5 * float(places[1] - places[0])
+        if np.mean((values < places[0] - margin) | (values > places[-1] + margin)) > _ABROAD:
+            return OffMap(axis, (float(places[0]), float(places[-1])), (float(np.min(values)), float(np.max(values))))
+    return None
 
 
 def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:

@@ -9,6 +9,7 @@ from ..model.effects.base import SITES, parameters_of, unit_at
 from ..model.effects.catalogue import CATALOGUE
 from .adequacy import LARGE
 from .candidates import ABSENT_WHEN_LARGE, WRONG_VALUE, Candidate
+from .holdout import OffMap
 from .names import explanation_name, site_name, spaced
 from .result import Channel, Location, NamedEffect, Rival
 
@@ -136,6 +137,7 @@ def verdict_sentence(
     asked: bool,
     curve: bool,
     unproven: bool = False,
+    abroad: OffMap | None = None,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -150,6 +152,7 @@ def verdict_sentence(
         asked: whether it was asked if they repeat.
         curve: whether a force without a name was put into the model.
         unproven: whether what was named does not hold on the hold-out.
+        abroad: where a hold-out went that therefore cannot judge what was named.
     """
     worst = max(before, key=lambda axis: before[axis].ratio)
     ratio = before[worst].ratio
@@ -186,6 +189,13 @@ def verdict_sentence(
             f"the error on the hold-out falls from {_times(proof.before)} to {_times(proof.after)} times the noise "
             f"in {proof.measure}."
         )
+        if abroad is not None:
+            (a, b), (c, d) = abroad.asked, abroad.learned
+            gain = (
+                "what is left of the recordings is noise. The hold-out cannot prove it: its "
+                f"{_CHANNEL_WORDS[abroad.axis]} goes from {a:.2f} to {b:.2f} m, the recordings' from {c:.2f} to {d:.2f} m, "
+                "and a map tells nothing of places where nobody has been: record a run there."
+            )
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
     if unproven:

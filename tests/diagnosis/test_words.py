@@ -2,6 +2,7 @@
 
 import pytest
 
+from jbridge.diagnosis.holdout import OffMap
 from jbridge.diagnosis.result import Channel, Location, NamedEffect, Rival
 from jbridge.diagnosis.words import Proof, effect_sentence, verdict_sentence
 from jbridge.identify.result import Estimate
@@ -12,9 +13,9 @@ FRICTION = NamedEffect("coulomb_friction", "cart", 1.0, {}, (), "")
 MASS = NamedEffect("wrong_value", "load_mass", 1.0, {"value": Estimate(0.2, 0.01, 0.18, 0.22, "kg")}, (), "")
 
 
-def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False):
+def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False, abroad=None):
     proof = Proof(30.0, 15.2, "windows of 2 s") if unproven else Proof(30.0, 1.2, "free runs")
-    told = {"large": large, "asked": asked, "curve": curve, "unproven": unproven}
+    told = {"large": large, "asked": asked, "curve": curve, "unproven": unproven, "abroad": abroad}
     return verdict_sentence(verdict, effects, AT_CART, BEFORE, after, proof, **told)
 
 
@@ -44,6 +45,11 @@ def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=Fals
         (
             said("unknown", [FRICTION], unproven=True),
             "leaves errors of 15 times the noise on the hold-out, in windows of 2 s.",
+        ),
+        (
+            said("missing_physics", [FRICTION], abroad=OffMap("l", (0.45, 0.86), (0.85, 1.15))),
+            "With it what is left of the recordings is noise. The hold-out cannot prove it: its rope length goes from "
+            "0.85 to 1.15 m, the recordings' from 0.45 to 0.86 m,",
         ),
     ],
 )

@@ -1,0 +1,44 @@
+"""What a hold-out can and cannot judge."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.holdout import OffMap, off_map
+from tests.identify.cases import make_recording
+from tests.problems import make_plant
+
+TIMES = np.arange(0.0, 10.0, 0.01)
+KNOTS = list(np.linspace(0.4, 0.8, 5))
+MAP = ("position_dependent_friction", "hoist", {"knots": KNOTS, "levels": [0.1] * 5})
+BOTH = ("position_direction_friction", "hoist", {"knots": KNOTS, "positive": [0.1] * 5, "negative": [0.1] * 5})
+DRY = ("coulomb_friction", "hoist", {"level": 1.0})
+
+
+def going(low: float, high: float, **more):
+    """A run whose rope goes evenly from one length to another."""
+    return make_recording("run.csv", TIMES, u_l=np.zeros(1000), l=np.linspace(low, high, 1000), **more)
+
+
+@pytest.mark.parametrize("effect", [MAP, BOTH], ids=lambda effect: effect[0])
+def test_a_map_is_not_judged_where_nobody_has_been(effect):
+    plant = make_plant(DRY, effect)
+    named = {effect[:2]}
+    found = off_map(plant, named, [going(0.85, 0.9), going(0.9, 1.1)])
+    assert isinstance(found, OffMap) and found.axis == "l"
+    np.testing.assert_allclose([*found.learned, *found.asked], [0.4, 0.8, 0.85, 1.1])
+    # One of two runs within, the other half outside: a quarter of the time.
+    assert off_map(plant, named, [going(0.4, 0.8), going(0.7, 1.1)]) is not None
+    assert off_map(plant, named, [going(0.35, 0.85)]) is None
+
+
+@pytest.mark.parametrize(
+    ("effects", "named", "runs"),
+    [
+        ((DRY,), {DRY[:2]}, [going(0.9, 1.1)]),
+        ((MAP,), {DRY[:2]}, [going(0.9, 1.1)]),
+        ((MAP,), {MAP[:2]}, [make_recording("cart.csv", TIMES, u_x=np.zeros(1000), x=np.linspace(0.9, 1.1, 1000))]),
+    ],
+    ids=["no map", "the owner's own map", "not measured"],
+)
+def test_everything_else_is_judged(effects, named, runs):
+    assert off_map(make_plant(*effects), named, runs) is None
