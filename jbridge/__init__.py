@@ -288,6 +288,7 @@ def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
         whole_loops: whether a loop over time becomes one kernel on a processor. Batches whose state fits into a core's
             cache then run several times faster; for the tangents of a fit it gains nothing and compiles longer.
     """
+    import contextlib
     import os
     import warnings
     from pathlib import Path
@@ -302,14 +303,16 @@ def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
         # Whole vectors of a processor that has wide ones; the compiler's own choice is half of them.
         width = "" if _VECTOR_WIDTH in flags else f"{_VECTOR_WIDTH}=512"
         os.environ["XLA_FLAGS"] = f"{flags} {_WHOLE_LOOPS}=100000000 {width}".strip()
+    keep_in(None)
     if not cache:
         return
     try:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge" / "jax"
         folder.mkdir(parents=True, exist_ok=True)
-        keep_in(folder.parent / "programs")
     except (OSError, RuntimeError):  # no home, or one that is read-only
         return
+    with contextlib.suppress(OSError):
+        keep_in(folder.parent / "programs")
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")

@@ -3,10 +3,11 @@
 JAX's compilation cache keeps what the compiler made of a program, but finds it only after Python has traced and lowered
 the program again, which for the rollouts of a diagnosis takes longer than running them. Here the lowered program is
 kept, too (`jax.export`), under a name made of everything that it depends on: this package's sources, the versions of
-JAX, the structure of what is held constant, and the shapes of the arguments. It is data for the compiler, not code for
-Python.
+what traces and lowers them, the structure of what is held constant, and the shapes of the arguments. It is data for the
+compiler, not code for Python.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -18,12 +19,14 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import equinox as eqx
 import jax
 import jax.export
 import jaxlib.version
+import numpy as np
 
 _DAYS_KEPT = 30
-"""Programs of sources that have not run for so long are removed."""
+"""Folders of versions of the sources that have not run for so long are removed."""
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
 
@@ -32,19 +35,22 @@ def keep_in(folder: Path | None) -> None:
     """Keeps programs in a folder from now on; None keeps none.
 
     Raises:
-        OSError: the folder cannot be written.
+        OSError: the folder is neither there nor can it be made.
     """
     global _folder
+    _folder = None
     if folder is None:
-        _folder = None
         return
     own = folder / _version()
     own.mkdir(parents=True, exist_ok=True)
-    os.utime(own)
-    for other in folder.iterdir():
-        if other.stat().st_mtime < time.time() - _DAYS_KEPT * 86400:
-            shutil.rmtree(other, ignore_errors=True)
     _folder = own
+    for other in folder.iterdir():
+        # Another process may tidy up at the same time, and a folder that can only be read serves as well.
+        with contextlib.suppress(OSError):
+            if other == own:
+                os.utime(own)
+            elif other.stat().st_mtime < time.time() - _DAYS_KEPT * 86400:
+                shutil.rmtree(other, ignore_errors=True)
 
 
 T = TypeVar("T", bound=type)
@@ -79,25 +85,24 @@ class Program:
         self._locks: dict[Hashable, threading.Lock] = {}
 
     def __call__(self, *args: Any) -> Any:
+        folder = _folder
         given = [arg for i, arg in enumerate(args) if i not in self._static]
-        constants = tuple(args[i] for i in self._static)
         leaves, treedef = jax.tree.flatten(given)
-        if _folder is None or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        plain = any(isinstance(leaf, jax.core.Tracer) or not hasattr(leaf, "shape") for leaf in leaves)
+        if folder is None or plain:
             return self._jit(*args)
+        constants = tuple(args[i] for i in self._static)
         kinds = tuple((leaf.shape, str(leaf.dtype), bool(getattr(leaf, "weak_type", False))) for leaf in leaves)
-        key = (_folder, constants, treedef, kinds)
+        key = (folder, constants, treedef, kinds, _settings())
         call = self._loaded.get(key)
         if call is None:
             with self._locks.setdefault(key, threading.Lock()):
                 call = self._loaded.get(key)
                 if call is None:
-                    call = self._loaded[key] = self._load(_folder, constants, treedef, kinds, leaves)
+                    call = self._loaded[key] = self._load(folder, constants, treedef, kinds, leaves)
         return call(*leaves)
 
     def _load(self, folder: Path, constants: tuple, treedef: Any, kinds: tuple, leaves: list) -> Callable:
-        text = repr((self.__module__, self._name, constants, str(treedef), kinds, _settings()))
-        path = folder / hashlib.sha256(text.encode()).hexdigest()
-
         def flat(*leaves: Any) -> Any:
             args = list(jax.tree.unflatten(treedef, leaves))
             for i, constant in sorted(zip(self._static, constants, strict=True)):
@@ -105,11 +110,20 @@ class Program:
             return self._function(*args)
 
         flat.__name__ = self._name
+        traced = jax.jit(flat)
+        structures = [treedef, *(c.treedef for c in jax.tree.leaves(constants) if hasattr(c, "treedef"))]
+        if not all(_is_ours(structure) for structure in structures):
+            return traced  # of sources elsewhere a name says nothing
+        text = repr((self.__module__, self._name, constants, str(treedef), kinds, _settings()))
+        path = folder / hashlib.sha256(text.encode()).hexdigest()
         try:
             exported = jax.export.deserialize(bytearray(path.read_bytes()))
         except Exception:  # absent, cut short or of another format: traced anew, and replaced
-            exported = jax.export.export(jax.jit(flat))(*leaves)
-            _write(path, exported.serialize())
+            try:
+                exported = jax.export.export(traced)(*leaves)
+                _write(path, exported.serialize())
+            except Exception:  # what cannot be written down, such as a printing callback, is compiled as it is
+                return traced
 
         def call(*leaves: Any) -> Any:
             return exported.call(*leaves)
@@ -118,25 +132,39 @@ class Program:
         return jax.jit(call)
 
 
+def _is_ours(structure: Any) -> bool:
+    """Whether all classes in a tree's structure are of sources that `_version` reads."""
+    data = structure.node_data()
+    if data is not None:
+        module = data[0].__module__.split(".")[0]
+        if module not in (__package__, "builtins"):
+            return False
+    return all(_is_ours(child) for child in structure.children())
+
+
 def _settings() -> tuple[str, ...]:
     """Settings of JAX that change what is traced."""
-    return (jax.default_backend(), *(str(getattr(jax.config, name)) for name in _CHANGE_TRACES))
+    return (jax.export.default_export_platform(), *(str(getattr(jax.config, name)) for name in _CHANGE_TRACES))
 
 
 def _write(path: Path, content: bytes | bytearray) -> None:
     """Writes a file whole or not at all; a full disk costs time and changes nothing."""
+    name = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            name = file.name
             file.write(content)
-        os.replace(file.name, path)
+        os.replace(name, path)
     except OSError:
-        pass
+        if name is not None:
+            Path(name).unlink(missing_ok=True)
 
 
 @functools.cache
 def _version() -> str:
     """One name for the sources of this package and the versions of what lowers them."""
-    digest = hashlib.sha256(f"{jax.__version__} {jaxlib.version.__version__}".encode())
+    versions = [jax.__version__, jaxlib.version.__version__, eqx.__version__, np.__version__]
+    digest = hashlib.sha256(" ".join(versions).encode())
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
         digest.update(f"{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")

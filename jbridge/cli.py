@@ -375,7 +375,7 @@ def _parser() -> _Parser:
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
     for command in (simulate, fit, diagnose, control, tune, sweep, figures):
         command.add_argument(
-            "--no-cache", dest="cache", action="store_false", help="do not keep compiled programs for the next run"
+            "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )
     return parser
 

@@ -1,5 +1,6 @@
 """Programs kept from run to run: traced once, told apart by all they depend on, and never in the way."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 from jbridge import _programs
 from jbridge._programs import Program, keep_in
-from jbridge._types import Axes
+from jbridge._types import Axes, Scalar
 from jbridge.model.bridge import Bridge
+from jbridge.model.effects.base import AbstractForce, parameter
 from jbridge.model.effects.catalogue import KINDS, make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
@@ -103,6 +105,62 @@ def test_inside_another_program_it_is_an_ordinary_function(folder):
     slope = jax.grad(lambda more: program(2, POINT, more)[2])(jnp.ones(3))
     np.testing.assert_array_equal(slope, np.ones(3))
     assert not list(folder.glob("*/*"))
+
+
+class Wind(AbstractForce):
+    """A user's own force, whose source no version knows."""
+
+    kind = "wind"
+    sites = ("cart",)
+    sentence = "wind"
+    size: Scalar = parameter("N", "size")
+    site: str = eqx.field(static=True)
+
+    def force(self, t, q, v):
+        return Axes(self.size, 0.0 * self.size, 0.0 * self.size)
+
+    @classmethod
+    def seeds(cls, site, scene):
+        return []
+
+
+def test_of_effects_from_elsewhere_nothing_is_kept(folder):
+    """Their sources may change between two runs, and nothing in a file's name would tell."""
+    own = Plant(Bridge(), (Wind(jnp.asarray(1.0), "cart"),))
+    by_argument = Program(lambda plant: plant.effects[0].size, ())
+    by_constant = Program(lambda table, vector: table.unravel(vector).effects[0].size, (0,))
+    table = ParameterTable(own)
+    assert by_argument(own) == by_constant(table, table.ravel(own)) == 1.0
+    assert not list(folder.glob("*/*"))
+    # The same of the package's own plants is kept.
+    ours = Plant(Bridge(), (make_effect("constant_force", "cart", {}),))
+    assert Program(lambda plant: plant.bridge.cart_mass, ())(ours) == ours.bridge.cart_mass
+    assert len(list(folder.glob("*/*"))) == 1
+
+
+def test_what_cannot_be_kept_runs_all_the_same(folder):
+    def noisy(x):
+        jax.debug.callback(lambda x: None, x)
+        return 2.0 * x
+
+    assert Program(noisy, ())(np.ones(3)).sum() == 6.0
+    assert not list(folder.glob("*/*"))
+
+
+def test_a_folder_that_cannot_be_written_changes_nothing(folder, monkeypatch):
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(_programs.os, "replace", full)
+    assert Program(Counted(), (0,))(2, POINT, np.ones(3))[2] == 3.0
+    assert not list(folder.glob("*/*"))
+
+
+def test_settings_that_change_traces_are_told_apart(folder):
+    program = Program(Counted(), (0,))
+    assert program(2, POINT, np.ones(3))[0].x.dtype == np.float64
+    with jax.enable_x64(False):
+        assert program(2, POINT, np.ones(3))[0].x.dtype == np.float32
 
 
 def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):

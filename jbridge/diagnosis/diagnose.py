@@ -10,6 +10,7 @@ import numpy as np
 
 from ..identify.base import WINDOW, BaseFit, base_fit, check_runs, columns_for
 from ..identify.evaluate import Run, evaluate, traces
+from ..identify.result import Errors
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
@@ -123,8 +124,11 @@ def diagnose(
     proven = carries_over(runs[2].errors, runs[3].errors, setting.noise, windows=in_windows)
     unproven = bool(alarm and steps) and not proven
     abroad = off_map(final_plant, {step.chosen.candidate.name for step in steps}, setting.holdout) if unproven else None
-    if is_large(left):
-        abroad = None
+    if abroad is not None:
+        # Only the other drive's axis knows nothing of where this one is.
+        others = tuple(_without(run.errors, (abroad.axis, "psi")) for run in runs[2:])
+        if is_large(left) or not carries_over(others[0], others[1], setting.noise, windows=in_windows):
+            abroad = None
     # A map explains all that was recorded, and the hold-out asks for places where nobody has been.
     unproven = unproven and abroad is None
     measure = f"windows of {WINDOW:g} s" if in_windows else "free runs"
@@ -197,6 +201,13 @@ def diagnose(
         },
         time.perf_counter() - begun,
     )
+
+
+def _without(errors: Errors, axes: Sequence[str]) -> Errors:
+    free_run, window = (
+        {axis: e for axis, e in part.items() if axis not in axes} for part in (errors.free_run, errors.window)
+    )
+    return Errors(free_run, window)
 
 
 def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:

@@ -12,7 +12,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 
 _ABROAD = 0.25
-"""Share of a hold-out's time off a map from which on the map cannot be judged by it: a simulation keeps its errors."""
+"""Share of a hold-out's samples off a map from which on it cannot judge the map: a simulation keeps its errors."""
 
 
 class OffMap(NamedTuple):
@@ -26,7 +26,7 @@ class OffMap(NamedTuple):
 
 
 def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[Recording]) -> OffMap | None:
-    """Whether a hold-out spends much of its time where a named map over place knows nothing.
+    """Whether a hold-out is largely where a named map over place knows nothing.
 
     A map's knots span what the recordings covered; beyond them its value is only carried on, which is no claim.
 
@@ -41,7 +41,7 @@ def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[
             continue
         axis = AXIS_OF_SITE[effect.site]
         places = np.asarray(effect.knots)  # type: ignore[attr-defined]
-        went = [getattr(r, axis) for r in holdout if getattr(r, axis) is not None]
+        went = [getattr(r, axis) for r in holdout if (r.has_cart if axis == "x" else r.has_hoist)]
         if not went:
             continue
         values = np.concatenate(went)

@@ -192,9 +192,10 @@ def verdict_sentence(
         if abroad is not None:
             (a, b), (c, d) = abroad.asked, abroad.learned
             gain = (
-                "what is left of the recordings is noise. The hold-out cannot prove it: its "
-                f"{_CHANNEL_WORDS[abroad.axis]} goes from {a:.2f} to {b:.2f} m, the recordings' from {c:.2f} to "
-                f"{d:.2f} m, and a map tells nothing of places where nobody has been: record a run there."
+                f"what is left of the recordings is noise. On the hold-out errors go from {_times(proof.before)} to "
+                f"{_times(proof.after)} times the noise in {proof.measure}, but it is no judge of a map of friction: "
+                f"its {_CHANNEL_WORDS[abroad.axis]} goes from {a:.2f} to {b:.2f} m, the recordings' from {c:.2f} to "
+                f"{d:.2f} m, and a map tells nothing of places where nobody has been. Record a run there."
             )
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"

@@ -45,7 +45,7 @@ class ParameterTable:
         inputs: unit of `u_x` and `u_l`, volts where not told.
         """
         plant = jax.tree.map(jnp.asarray, plant)
-        leaves, self._treedef = jax.tree.flatten(plant)
+        leaves, self.treedef = jax.tree.flatten(plant)
         self._shapes = [np.shape(leaf) for leaf in leaves]
         self._sizes = [int(np.prod(shape)) for shape in self._shapes]
         self.size = sum(self._sizes)
@@ -69,16 +69,16 @@ class ParameterTable:
                 offset += size
 
     def __hash__(self) -> int:
-        return hash((self._treedef, tuple(self._shapes)))
+        return hash((self.treedef, tuple(self._shapes)))
 
     def __eq__(self, other: object) -> bool:
         """Tables of the same structure are interchangeable, so that programs compiled for one serve the other."""
         if not isinstance(other, ParameterTable):
             return NotImplemented
-        return (self._treedef, self._shapes) == (other._treedef, other._shapes)
+        return (self.treedef, self._shapes) == (other.treedef, other._shapes)
 
     def __repr__(self) -> str:
-        return f"ParameterTable({self._treedef}, {self._shapes})"
+        return f"ParameterTable({self.treedef}, {self._shapes})"
 
     def _describe(
         self, part: Any, owner: int, info: ParameterInfo, offset: int, size: int, command: Mapping[str, str]
@@ -163,7 +163,7 @@ class ParameterTable:
         for shape, size in zip(self._shapes, self._sizes, strict=True):
             leaves.append(values[offset : offset + size].reshape(shape))
             offset += size
-        return jax.tree.unflatten(self._treedef, leaves if traced else jax.device_put(leaves))
+        return jax.tree.unflatten(self.treedef, leaves if traced else jax.device_put(leaves))
 
 
 def _without_site(group: str) -> str:

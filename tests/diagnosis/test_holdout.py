@@ -26,8 +26,10 @@ def test_a_map_is_not_judged_where_nobody_has_been(effect):
     found = off_map(plant, named, [going(0.85, 0.9), going(0.9, 1.1)])
     assert isinstance(found, OffMap) and found.axis == "l"
     np.testing.assert_allclose([*found.learned, *found.asked], [0.4, 0.8, 0.85, 1.1])
-    # One of two runs within, the other half outside: a quarter of the time.
+    # One of two runs within, the other to five eighths outside of the map and half a knot around it.
     assert off_map(plant, named, [going(0.4, 0.8), going(0.7, 1.1)]) is not None
+    # The same with two runs within: 21 % are not enough.
+    assert off_map(plant, named, [going(0.4, 0.8), going(0.4, 0.8), going(0.7, 1.1)]) is None
     assert off_map(plant, named, [going(0.35, 0.85)]) is None
 
 
