@@ -16,14 +16,12 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Hashable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-import equinox as eqx
 import jax
 import jax.export
-import jaxlib.version
-import numpy as np
 
 _DAYS_KEPT = 30
 """Folders of versions of the sources that have not run for so long are removed."""
@@ -163,7 +161,7 @@ def _write(path: Path, content: bytes | bytearray) -> None:
 @functools.cache
 def _version() -> str:
     """One name for the sources of this package and the versions of what lowers them."""
-    versions = [jax.__version__, jaxlib.version.__version__, eqx.__version__, np.__version__]
+    versions = [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
     digest = hashlib.sha256(" ".join(versions).encode())
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):

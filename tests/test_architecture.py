@@ -19,6 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
+    {"_programs"},
     {"_math", "_parameters", "_types", "errors"},
     {"_toml", "collect", "signals", "recordings"},
     {"model", "fuzzy"},
