@@ -1,14 +1,14 @@
 """Everything that could be missing: one candidate for each effect, site and place to start looking."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.setting import Setting
-from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, options_of
+from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of
 from ..model.effects.catalogue import CATALOGUE, UNNAMED
 from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
@@ -34,6 +34,14 @@ class Candidate:
     finite: bool
     """Whether it is present at `values`, so that a linear screen cannot weigh it from its null value."""
 
+    linear: tuple[str, ...] = ()
+    """Of an absent effect, those of them that do something at `values`."""
+
+    @property
+    def harmonic(self) -> bool:
+        """Whether its amplitude and phase stand for a sine and a cosine."""
+        return {"amplitude", "phase"} <= set(self.linear)
+
     @property
     def name(self) -> tuple[str, str]:
         return self.kind, self.site
@@ -47,9 +55,10 @@ class Candidate:
         """The parameter's name in a table."""
         return self.site if self.kind == WRONG_VALUE else f"{self.kind}@{self.site}.{key}"
 
-    def places(self, table: ParameterTable) -> NDArray[np.int64]:
-        """Where its free parameters stand."""
-        return np.array([place for key in self.free for place in table.positions(self.group(key))], np.int64)
+    def places(self, table: ParameterTable, keys: Sequence[str] | None = None) -> NDArray[np.int64]:
+        """Where its free parameters stand, or some of them."""
+        wanted = self.free if keys is None else keys
+        return np.array([place for key in wanted for place in table.positions(self.group(key))], np.int64)
 
     def set(self, table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         """A parameter vector with the candidate's values put in."""
@@ -87,22 +96,27 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
             if train is not None and kind in ("belt_compliance", "backlash"):
                 continue
             for seed in cls.seeds(site, scene):
-                found.append(Candidate(kind, site, dict(seed.values), seed.free, seed.finite))
+                found.append(_candidate(kind, site, seed))
     for number in _RIVAL_NUMBERS:
         if number in known and _matters(number, setting):
-            found.append(Candidate(WRONG_VALUE, number, {}, (number,), False))
+            found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))
     return found
 
 
 def unnamed_forces(setting: Setting, scene: Scene) -> list[Candidate]:
     """The forces without a name, on every axis that moves."""
     return [
-        Candidate(kind, site, dict(seed.values), seed.free, False)
+        _candidate(kind, site, seed)
         for kind, cls in UNNAMED.items()
         for site in cls.sites
         if AXIS_OF_SITE[site] in setting.axes
         for seed in cls.seeds(site, scene)
     ]
+
+
+def _candidate(kind: str, site: str, seed: Seed) -> Candidate:
+    linear = seed.free if seed.linear is None else seed.linear
+    return Candidate(kind, site, dict(seed.values), seed.free, seed.finite, () if seed.finite else linear)
 
 
 def _matters(number: str, setting: Setting) -> bool:

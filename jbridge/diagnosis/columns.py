@@ -53,6 +53,7 @@ def candidate_columns(
     batch: Batch,
     initial: NDArray[np.float64],
     found: Sequence[Candidate],
+    along: Along | None = None,
 ) -> list[NDArray[np.float64]]:
     """Weighted tangents of the readings for every candidate: lane, column, sample and channel (flat).
 
@@ -62,12 +63,14 @@ def candidate_columns(
         batch: lanes.
         initial: initial states of the lanes.
         found: candidates without a hidden state.
+        along: the linearised trajectories of the lanes, where they are known already.
     """
     lanes = refined(batch.lanes, batch.substeps)
     # Where nothing asks for the model, its number of parameters must not tell programs apart.
     none = jnp.zeros((lanes.override_at.shape[0], 0))
     bare = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, (none, none))
-    along = linearise(table, vector, initial, lanes)
+    if along is None:
+        along = linearise(table, vector, initial, lanes)
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
     def carry(group: list[_Family]) -> None:
@@ -80,7 +83,11 @@ def candidate_columns(
             lanes if group[0].asks_plant else bare,
             along.motions,
         )
-        change = np.array(_carried(table, batch.substeps, vector, lanes, along, *acts))
+        if group[0].reads_only:
+            change = np.moveaxis(np.asarray(acts[1]), -1, 1)[:, :, :: batch.substeps]
+            change = change * np.asarray(batch.lanes.weight)[:, None]
+        else:
+            change = np.array(_carried(table, batch.substeps, vector, lanes, along, *acts))
         change = change.reshape(*change.shape[:2], -1)
         # What the linear model cannot carry through explains nothing.
         change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
@@ -112,6 +119,14 @@ class _Family:
     """Whether what it does depends on the model beside the motion; programs of the others serve every model with the
     same hidden coordinates."""
 
+    reads_only: bool
+    """Whether it changes readings and moves nothing."""
+
+    @property
+    def kind(self) -> tuple[bool, bool]:
+        """Families of one kind may share a group."""
+        return self.asks_plant, self.reads_only
+
     @property
     def width(self) -> int:
         """Columns of each seed."""
@@ -128,7 +143,8 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         while True:
             key = (own, candidate.finite, directions.tobytes(), part)
             asks = not isinstance(effect, AbstractForce | AbstractDamping | AbstractFriction)
-            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], [], asks))
+            reads = isinstance(effect, AbstractSensor | SensorDelay)
+            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], [], asks, reads))
             if not family.members or (len(family.members) + 1) * family.width <= _GROUP:
                 break
             part += 1
@@ -136,10 +152,10 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         family.points.append(point)
     groups: list[list[_Family]] = [[]]
     size = 0
-    for family in sorted(families.values(), key=lambda family: family.asks_plant):
+    for family in sorted(families.values(), key=lambda family: family.kind):
         columns = len(family.members) * family.width
         full = size + columns > _GROUP
-        if groups[-1] and (full or family.asks_plant != groups[-1][0].asks_plant):
+        if groups[-1] and (full or family.kind != groups[-1][0].kind):
             groups.append([])
             size = 0
         groups[-1].append(family)
@@ -158,11 +174,13 @@ def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, N
         values = {
             key: v for key, v in candidate.values.items() if key in parameters_of(KINDS[kind]) or isinstance(v, str)
         }
+    if candidate.harmonic:
+        values["amplitude"] = 1.0  # at which the phase's tangent is the cosine
     effect = make_effect(kind, site, values)
     own = ParameterTable(Plant(_NO_BRIDGE, (effect,)))
     if candidate.finite:
         return effect, own, np.zeros((1, own.size))
-    places = [p for key in candidate.free for p in own.positions(f"{kind}@{site}.{key}")]
+    places = [p for key in candidate.linear for p in own.positions(f"{kind}@{site}.{key}")]
     return effect, own, np.eye(own.size)[places]
 
 

@@ -72,13 +72,7 @@ def _of_null(seeds: Sequence[Look], inputs: Mapping[str, str], given: ParameterT
             unit, one_sided = unit_at(info.unit, site, inputs), info.low == info.null and not info.vector
         parts = [_bound(seed, key, one_sided) for seed in able]
         taken_up = any(bool(seed.taken_up[[k == key for k in seed.keys]].any()) for seed in able)
-        by_phase: dict[tuple, list[tuple[float, float]]] = {}
-        for seed, (estimate, std, _) in zip(able, parts, strict=True):
-            place = tuple((k, str(v)) for k, v in seed.candidate.values.items() if k != "phase")
-            by_phase.setdefault(place, []).append((estimate, std))
-        # A sine and a cosine at the same place together make up any phase.
-        sizes = [tuple(float(np.hypot.reduce(part)) for part in zip(*both, strict=True)) for both in by_phase.values()]
-        limit = float(max(e for e, _ in sizes) + _NORMAL * max(s for _, s in sizes))
+        limit = float(max(e for e, _, _ in parts) + _NORMAL * max(s for _, s, _ in parts))
         change = limit * max(c for _, _, c in parts)
         rows.append(_row(kind, site, key, limit if not taken_up and limit < _BEYOND else None, unit, change))
     called = {key for seed in seeds for key in seed.keys}
@@ -94,6 +88,11 @@ def _bound(seed: Look, key: str, one_sided: bool) -> tuple[float, float, float]:
     """Estimate, widened standard deviation and change per unit of one number, the worst of its entries if a list."""
     at = np.flatnonzero([k == key for k in seed.keys])
     estimate, covariance = seed.estimate, seed.covariance
+    if seed.candidate.harmonic:
+        # A sine and a cosine together make up any phase.
+        parts = widened(np.sqrt(np.diag(covariance)[at]), np.abs(estimate[at]))
+        most = max(float(np.linalg.eigvalsh(part)[-1]) for part in seed.change)
+        return float(np.hypot.reduce(estimate[at])), float(np.hypot.reduce(parts)), float(np.sqrt(most))
     if len(at) > 1:
         # The mean of all levels of a map is left out, those of the other direction included.
         contrast = np.eye(len(estimate)) - 1.0 / len(estimate)

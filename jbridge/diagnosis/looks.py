@@ -26,7 +26,7 @@ from ..identify.uncertainty import correlation_time, inverse_normal
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
 from .candidates import WRONG_VALUE, Candidate, candidates
-from .normal import normal_equations, tangents
+from .normal import Tangents
 from .responses import Cut, simulated, with_weaker
 from .search import Search
 from .trials import State
@@ -75,33 +75,30 @@ def look(search: Search, state: State) -> list[Look]:
     train = Cut(search.setting.recordings, state.batch, state.initial, run.predicted[0])
     cuts = [train, _hold_out(search, state, width)]
 
-    def linearised() -> list[tuple[Gram, list[NDArray[np.float64]]]]:
-        of = state.vector, state.free, extra
-        return [tangents(state.engine, cut.batch, *of, cut.initial, linear) for cut in cuts]
-
     with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
         finite = [pool.submit(simulated, search, state, seeds, cuts) for seeds in hidden]
-        told = linearised()
+        told = [Tangents(state.engine, c.batch, state.vector, state.free, extra, c.initial) for c in cuts]
+        columns, abroad = ([*t.effects(linear), *t.numbers()] for t in told)
     for future in finite:
-        for (_, columns), part in zip(told, future.result(), strict=True):
-            columns += part
-    gram, columns = told[0]
-    # What may be is asked here, so a start is what the recording says and no guess holds it back.
-    free_starts = dataclasses.replace(state.batch, prior=np.where(np.isfinite(state.batch.prior), 0.0, np.inf))
-    normal = normal_equations(gram, free_starts, state.initial, base, width, columns)
+        here, there = future.result()
+        columns += here
+        abroad += there
+    # What may be is asked here.
+    normal = told[0].normal(columns, free_starts=True)
+    gram = told[0].gram
     whole = normal.over(np.ones(state.batch.count, bool))
     weight = np.asarray(state.batch.lanes.weight)
     residual = (gram.predicted[0] - np.asarray(state.batch.lanes.y)) * weight
     size = max(state.cost / max(measurements(state.batch), 1), 1.0) * correlation_time(residual, weight > 0)
     inverse = inverse_normal(whole.matrix[:base, :base]) if base else np.zeros((0, 0))
     looks, start = [], base
-    for candidate, own, elsewhere in zip(everything, columns, told[1][1], strict=True):
+    for candidate, own, elsewhere in zip(everything, columns, abroad, strict=True):
         at = np.arange(start, start + own.shape[1])
         start += own.shape[1]
         taken = inverse @ whole.matrix[np.ix_(np.arange(base), at)]
         inside = whole.matrix[np.ix_(at, at)] - whole.matrix[np.ix_(at, np.arange(base))] @ taken
         slope = whole.gradient[at] - taken.T @ whole.gradient[:base]
-        change = _change(told[1][0], cuts[1], elsewhere, taken, width)
+        change = _change(told[1].gram, cuts[1], elsewhere, taken, width)
         looks.append(
             _look(candidate, inside, slope, (own**2).sum(axis=(0, 2)), change, measurements(state.batch), size)
         )
@@ -127,16 +124,14 @@ def _seeds(search: Search, state: State) -> tuple[list[Candidate], list[Candidat
 
 
 def _thinned(found: list[Candidate]) -> list[Candidate]:
-    """A few of the seeds of every effect, its ends included; a sine and a cosine stay together."""
-    places: dict[tuple, dict[str, list[Candidate]]] = {}
+    """A few of the seeds of every effect, its ends included."""
+    families: dict[tuple, list[Candidate]] = {}
     for c in found:
-        place = repr([(key, value) for key, value in c.values.items() if key != "phase"])
-        places.setdefault((*c.name, c.free, c.finite), {}).setdefault(place, []).append(c)
+        families.setdefault((*c.name, c.free, c.finite), []).append(c)
     kept: list[Candidate] = []
-    for by_place in places.values():
-        groups = list(by_place.values())
-        take = np.unique(np.linspace(0, len(groups) - 1, _PLACES).round().astype(int))
-        kept += [c for i in take for c in groups[i]]
+    for seeds in families.values():
+        take = np.unique(np.linspace(0, len(seeds) - 1, _PLACES).round().astype(int))
+        kept += [seeds[i] for i in take]
     return kept
 
 
@@ -209,7 +204,9 @@ def _look(
         keys = ("value",)
     else:
         infos = parameters_of(KINDS[candidate.kind])
-        keys = tuple(key for key in candidate.free for _ in np.atleast_1d(candidate.values.get(key, infos[key].null)))
+        keys = tuple(key for key in candidate.linear for _ in np.atleast_1d(candidate.values.get(key, infos[key].null)))
+        if candidate.harmonic:
+            keys = ("amplitude", "amplitude")
     taken_up = np.diag(inside) <= _TAKEN_UP * raw
     lists = np.array(
         [key != "" and key != "value" and parameters_of(KINDS[candidate.kind])[key].vector for key in keys]

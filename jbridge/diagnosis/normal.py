@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.base import columns_for
-from ..identify.lanes import Batch
+from ..identify.lanes import Batch, refined
 from ..identify.linearise import Engine, Gram
+from ..identify.respond import linearise
 from ..identify.solve import Reduced, bounded_step, reduce
 from .candidates import Candidate
 from .columns import candidate_columns
@@ -55,30 +56,57 @@ class Sum:
         return self.cost + float(2 * self.gradient[columns] @ step + step @ matrix @ step)
 
 
-def tangents(
-    engine: Engine,
-    batch: Batch,
-    vector: NDArray[np.float64],
-    free: NDArray[np.int64],
-    extra: NDArray[np.int64],
-    initial: NDArray[np.float64],
-    effects: Sequence[Candidate],
-) -> tuple[Gram, list[NDArray[np.float64]]]:
-    """The base model's own tangents, and weighted tangents of the readings for effects, then for known numbers.
+class Tangents:
+    """What a model's own numbers, and what effects that it lacks, do to the readings along its trajectories."""
 
-    Args:
-        engine, batch, vector, free, extra, initial: as `screen` has them.
-        effects: candidates without a hidden coordinate, wrong values left out.
-    """
-    base = len(free)
-    width = columns_for(base + len(extra))
-    places = np.concatenate([free, extra])[None]
-    gram = engine.gram(vector[None], places, initial[None], batch, columns=width, keep=True)
-    assert gram.tangents is not None
-    columns = candidate_columns(engine.table, vector, batch, initial, effects)
-    correct_locked(effects, columns, gram.tangents[0, :, width + 2], batch, initial)
-    columns += [gram.tangents[0, :, [base + i]].swapaxes(0, 1) for i in range(len(extra))]
-    return gram, columns
+    def __init__(
+        self,
+        engine: Engine,
+        batch: Batch,
+        vector: NDArray[np.float64],
+        free: NDArray[np.int64],
+        extra: NDArray[np.int64],
+        initial: NDArray[np.float64],
+    ):
+        """Args: as `screen` has them."""
+        self.engine = engine
+        self.batch = batch
+        self.vector = vector
+        self.initial = initial
+        self.free = free
+        self.extra = len(extra)
+        self.width = columns_for(len(free) + self.extra)
+        places = np.concatenate([free, extra])[None]
+        self.gram = engine.gram(vector[None], places, initial[None], batch, columns=self.width, keep=True)
+        self.along = linearise(engine.table, vector, initial, refined(batch.lanes, batch.substeps))
+
+    @property
+    def own(self) -> NDArray[np.float64]:
+        """Of the model's numbers and starts: lane, column, sample and channel (flat)."""
+        assert self.gram.tangents is not None
+        return self.gram.tangents[0]
+
+    def effects(self, found: Sequence[Candidate]) -> list[NDArray[np.float64]]:
+        """Of effects without a hidden coordinate, wrong values left out; shaped alike."""
+        columns = candidate_columns(self.engine.table, self.vector, self.batch, self.initial, found, self.along)
+        correct_locked(found, columns, self.own[:, self.width + 2], self.batch, self.initial)
+        return columns
+
+    def numbers(self) -> list[NDArray[np.float64]]:
+        """Of each known number that may be wrong."""
+        return [self.own[:, [len(self.free) + i]] for i in range(self.extra)]
+
+    def normal(self, columns: Sequence[NDArray[np.float64]], free_starts: bool = False) -> Normal:
+        """Normal equations of the model's numbers and these columns.
+
+        Args:
+            columns: of effects and known numbers.
+            free_starts: whether a start is what the recording says, and no guess holds it back.
+        """
+        batch = self.batch
+        if free_starts:
+            batch = dataclasses.replace(batch, prior=np.where(np.isfinite(batch.prior), 0.0, np.inf))
+        return normal_equations(self.gram, batch, self.initial, len(self.free), self.width, columns)
 
 
 def correct_locked(

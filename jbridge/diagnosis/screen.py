@@ -13,20 +13,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.base import columns_for
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE, Candidate
-from .normal import Normal, Sum, normal_equations, tangents
+from .normal import Normal, Sum, Tangents
 from .trials import EFFECTIVE
 
 _GREEDY = 4
 """Most explanations that the flexible model combines."""
+_MANY = 16
+"""Seeds of one effect above which only the best few are weighed beside the other effects."""
+_SEEDS = 4
+"""How many."""
 _KEPT = 30
 """Explanations that stay in play after the first has been chosen."""
+_TRUSTED = 0.7
+"""Share of the predicted step that a refit starts with."""
 _EXCESS = 1.2
 """Least mean square over the noise's at which it is asked what of the excess could be learned."""
 
@@ -53,9 +58,12 @@ class Screened:
         if not self.candidate.finite:
             low, high = table.bounds()
             base = np.array([table.positions(name)[0] for name in self.base_names], np.int64)
-            places = np.concatenate([base, self.candidate.places(table)])
+            places = np.concatenate([base, self.candidate.places(table, self.candidate.linear)])
+            own = self.own_step
+            if self.candidate.harmonic:
+                own = np.array([np.hypot(*own), np.arctan2(own[1], own[0]) / _TRUSTED])
             # Less than a linear model promises, which overstates what is strongly nonlinear.
-            step = 0.7 * np.concatenate([self.base_step, self.own_step])
+            step = _TRUSTED * np.concatenate([self.base_step, own])
             vector[places] = np.clip(vector[places] + step, low[places], high[places])
         return vector
 
@@ -90,38 +98,72 @@ def screen(
         found: candidates.
         unnamed: forces without a name, for the question what could be learned.
     """
-    effects = [c for c in (*found, *unnamed) if c.kind != WRONG_VALUE]
-    numbers = [c for c in found if c.kind == WRONG_VALUE]
     base = len(free)
-    width = columns_for(base + len(extra))
-    gram, columns = tangents(engine, batch, vector, free, extra, initial, effects)
+    told = Tangents(engine, batch, vector, free, extra, initial)
+    effects = [*_promising(told, [c for c in found if c.kind != WRONG_VALUE]), *unnamed]
+    numbers = [c for c in found if c.kind == WRONG_VALUE]
+    columns = [*told.effects(effects), *told.numbers()]
     everything = [*effects, *numbers]
-    normal = normal_equations(gram, batch, initial, base, width, columns)
-    low_all, high_all = engine.table.bounds()
+    normal = told.normal(columns)
     whole = normal.over(np.ones(batch.count, bool))
     names = tuple(engine.table.entry(int(place)).name for place in free)
     ranked: list[Screened] = []
-    groups: list[tuple] = []
-    start = base
-    for candidate, own in zip(everything, columns, strict=True):
-        count = own.shape[1]
-        at, low, high = _edges(candidate, engine, vector, count)
-        group = (
-            np.concatenate([np.arange(base), np.arange(start, start + count)]),
-            np.concatenate([vector[free], at]),
-            np.concatenate([low_all[free], low]),
-            np.concatenate([high_all[free], high]),
-        )
-        start += count
-        step = whole.step(*group)
-        groups.append(group)
+    groups = _groups(told, everything, columns)
+    for candidate, group in zip(everything, groups, strict=True):
         if candidate not in unnamed:
+            step = whole.step(*group)
             cost = whole.after(group[0], step)
             gain = 1.0 - cost / max(whole.cost, 1e-300)
             ranked.append(Screened(candidate, cost, gain, names, step[:base], step[base:]))
     learnable = _learnable(normal, groups, batch, base)
     ranked.sort(key=lambda s: s.cost)
     return Screen(ranked, learnable)
+
+
+def _promising(told: Tangents, found: Sequence[Candidate]) -> list[Candidate]:
+    """The same without the seeds of an effect that has many, but for the few that gain most on their own.
+
+    A wave of another length or a push at another time must be looked for closely, for between two seeds it hides. To
+    weigh all seeds of all effects together would take the square of their number.
+    """
+    families: dict[tuple[str, str], list[Candidate]] = {}
+    for candidate in found:
+        families.setdefault(candidate.name, []).append(candidate)
+    kept: list[Candidate] = []
+    for seeds in families.values():
+        if len(seeds) <= _MANY:
+            kept += seeds
+            continue
+        columns = told.effects(seeds)
+        costs: list[float] = []
+        for a in range(0, len(seeds), _MANY):
+            some = slice(a, a + _MANY)
+            whole = told.normal(columns[some]).over(np.ones(told.batch.count, bool))
+            groups = _groups(told, seeds[some], columns[some])
+            costs += [whole.after(group[0], whole.step(*group)) for group in groups]
+        kept += [seeds[i] for i in np.argsort(costs, kind="stable")[:_SEEDS]]
+    return kept
+
+
+def _groups(told: Tangents, found: Sequence[Candidate], columns: Sequence[NDArray[np.float64]]) -> list[tuple]:
+    """Of each candidate: places of the model's free numbers and its own in the normal equations, values and bounds."""
+    low_all, high_all = told.engine.table.bounds()
+    free, base = told.free, len(told.free)
+    groups = []
+    start = base
+    for candidate, own in zip(found, columns, strict=True):
+        count = own.shape[1]
+        at, low, high = _edges(candidate, told.engine, told.vector, count)
+        groups.append(
+            (
+                np.concatenate([np.arange(base), np.arange(start, start + count)]),
+                np.concatenate([told.vector[free], at]),
+                np.concatenate([low_all[free], low]),
+                np.concatenate([high_all[free], high]),
+            )
+        )
+        start += count
+    return groups
 
 
 def _edges(
@@ -135,11 +177,13 @@ def _edges(
     if candidate.finite:
         # The amplitude of what the seed would do; some more than the seed is as possible as some less.
         return np.zeros(1), np.zeros(1), np.full(1, 3.0)
+    if candidate.harmonic:
+        return np.zeros(2), np.full(2, -np.inf), np.full(2, np.inf)
     infos = parameters_of(KINDS[candidate.kind])
     at: list[float] = []
     low: list[float] = []
     high: list[float] = []
-    for key in candidate.free:
+    for key in candidate.linear:
         value = np.atleast_1d(np.asarray(candidate.values.get(key, infos[key].null), dtype=float))
         at += list(value)
         low += [infos[key].low] * len(value)

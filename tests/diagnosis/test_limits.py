@@ -53,13 +53,15 @@ def test_what_is_taken_up_has_no_limit():
 
 def test_a_phase_takes_both_of_its_parts():
     """An amplitude of 5 at a phase between sine and cosine shows as 3 and 4."""
-    looks = [
-        seen("periodic_force", "cart", {"amplitude": 0.0, "period": 0.1, "phase": phase}, ("amplitude",), value, 1e-9)
-        for phase, value in ((0.0, 3.0), (np.pi / 2, 4.0))
-    ]
-    (row,) = _of_null(looks, {}, GIVEN)
+    values = {"amplitude": 0.0, "period": 0.1, "phase": 0.0}
+    wave = Candidate("periodic_force", "cart", values, tuple(values), False, ("amplitude", "phase"))
+    change = np.array([np.diag([4.0, 1.0])] * 3)
+    twice = np.full(2, 10.0)
+    both = np.array([3.0, 4.0]), 1e-18 * np.eye(2), np.zeros(2, bool)
+    (row,) = _of_null([Look(wave, ("amplitude", "amplitude"), *both, twice, change)], {}, GIVEN)
     # A quarter of a percent of the value is added to every deviation.
     assert row.limit == pytest.approx(5.0, rel=1e-2)
+    assert row.change == pytest.approx(2.0 * row.limit, rel=1e-6)  # at its worst phase
 
 
 def backlash(gap, amplitude, std, response=10.0):

@@ -174,6 +174,9 @@ class Seed:
     free: tuple[str, ...]
     finite: bool = False
     """False: the effect is absent at `values` (its amplitude is zero), so a linear screen can weigh it."""
+    linear: tuple[str, ...] | None = None
+    """Of an absent effect, the free numbers that do something at `values`; all by default. An amplitude and a phase
+    together stand for a sine and a cosine."""
 
 
 class AbstractEffect(eqx.Module):
@@ -265,6 +268,24 @@ def interpolate(knots: Float[Array, " knot"], values: Float[Array, " knot"], q: 
         # The slope does not depend on q, so it leaves the time loop.
         value = value + (values[j + 1] - values[j]) / width * jnp.clip(q - knots[j], 0.0, width)
     return value
+
+
+def waves(span: float, least: int, count: int) -> list[Seed]:
+    """Seeds of a wave along an axis: with half a wave more on the span it is another one, and hides from the next.
+
+    Args:
+        span: of the axis that recordings cover [m, rad].
+        least: half waves on it at least.
+        count: number of seeds.
+    """
+    return [
+        Seed(
+            {"amplitude": 0.0, "period": 2 * span / halves, "phase": 0.0},
+            ("amplitude", "period", "phase"),
+            linear=("amplitude", "phase"),
+        )
+        for halves in range(least, least + count)
+    ]
 
 
 def uniform_knots(scene: Scene, axis: str, count: int) -> list[float]:

@@ -1,5 +1,6 @@
 """Smooth forces on cart, load and winch."""
 
+import itertools
 from typing import ClassVar
 
 import equinox as eqx
@@ -21,10 +22,13 @@ from .base import (
     option,
     parameter,
     uniform_knots,
+    waves,
 )
 
 _EDGE = 0.005
 """Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""
+_PARTS = 15
+"""Parts of a recording at whose edges a gust is thought to rise and to fall."""
 
 
 class QuadraticDrag(AbstractDamping):
@@ -122,12 +126,7 @@ class PeriodicForce(AbstractForce):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         span = max(scene.span("x"), 1e-2)
-        periods = [span / n for n in (1.5, 2, 3, 4, 5.5, 7, 9, 12, 16, 22, 30, 40)]
-        return [
-            Seed({"amplitude": 0.0, "period": period, "phase": phase}, ("amplitude", "period", "phase"))
-            for period in periods
-            for phase in (0.0, float(jnp.pi / 2))
-        ]
+        return waves(span, 3, 80)
 
 
 class EndStop(AbstractForce):
@@ -212,10 +211,12 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        sixths = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
+        # A load swings once in a second or two, and a push that is half of that off does the opposite.
+        edges = [i / _PARTS * scene.duration for i in range(_PARTS + 1)]
+        spans = [(start, stop) for start, stop in itertools.combinations(edges, 2) if stop - start < edges[-1]]
         return [
-            Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"))
-            for start, stop in [(0.0, 2 * scene.duration), *sixths]
+            Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
+            for start, stop in [(0.0, 2 * scene.duration), *spans]
         ]
 
 

@@ -17,9 +17,12 @@ from .base import (
     Scene,
     Seed,
     parameter,
+    waves,
 )
 
 _SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
+_TIMES = 40
+"""Times at which a reading is thought to step."""
 
 
 class SensorOffset(AbstractSensor):
@@ -82,11 +85,7 @@ class SensorEccentricity(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         span = max(scene.span(AXIS_OF_SITE[site]), 1e-2)
-        return [
-            Seed({"amplitude": 0.0, "period": span / n, "phase": phase}, ("amplitude", "period", "phase"))
-            for n in (1, 1.5, 2, 3, 4, 5.5, 7, 9, 12, 16, 22, 30)
-            for phase in (0.0, float(jnp.pi / 2))
-        ]
+        return waves(span, 2, 60)
 
 
 class MissedCounts(AbstractSensor):
@@ -109,8 +108,8 @@ class MissedCounts(AbstractSensor):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        times = [(i + 0.5) / 8 * scene.duration for i in range(8)]
-        return [Seed({"jump": 0.0, "time": time}, ("jump", "time")) for time in times]
+        times = [(i + 0.5) / _TIMES * scene.duration for i in range(_TIMES)]
+        return [Seed({"jump": 0.0, "time": time}, ("jump", "time"), linear=("jump",)) for time in times]
 
 
 class SensorDelay(AbstractEffect):
