@@ -1,16 +1,25 @@
 """Second thoughts about what was accepted: a simpler law in its place, and what is superfluous dropped."""
 
 import dataclasses
+from typing import Any
 
+import numpy as np
+
+from ..model.effects.base import AbstractEffect
 from ..model.effects.catalogue import make_effect
+from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
+from .adequacy import LARGE
 from .candidates import WRONG_VALUE, Candidate
-from .levels import simpler_laws
+from .levels import ADDED_LEVELS, simpler_laws
 from .search import Search, settled
 from .trials import State
 
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
+_PAYS = 0.05
+"""Share of the cost on recordings left out that twice the knots must gain."""
+_MOST_KNOTS, _LEAST_KNOTS = 29, 3
 
 
 def simplify(search: Search, state: State, place: int = -1) -> State:
@@ -36,6 +45,55 @@ def simplify(search: Search, state: State, place: int = -1) -> State:
         if found.cross_validated < state.cross_validated * (1 + SUPERFLUOUS):
             return found
     return state
+
+
+def settle_knots(search: Search, state: State) -> State:
+    """The latest accepted map of friction with as many knots as recordings left out ask for.
+
+    A map starts on a grid of its own. Where friction changes within a step of that grid more knots tell more, and the
+    error that too few leave would be taken for another effect; where it changes slowly, fewer are known better.
+    """
+    effect = next((e for e in state.plant.effects if (e.kind, e.site) == state.accepted[-1].name), None)
+    if not isinstance(effect, PositionDependentFriction | PositionDirectionFriction):
+        return state
+    finer = state
+    while finer.worst > LARGE and (count := 2 * _knots(finer, effect) - 1) <= _MOST_KNOTS:
+        found = _with_knots(search, finer, effect, count)
+        if found.cross_validated > finer.cross_validated * (1 - _PAYS):
+            break
+        finer = found
+    if finer is not state:
+        return finer
+    while (count := (_knots(state, effect) + 1) // 2 + 1) < _knots(state, effect) and count >= _LEAST_KNOTS:
+        found = _with_knots(search, state, effect, count)
+        if found.cross_validated > state.cross_validated * (1 + SUPERFLUOUS):
+            break
+        state = found
+    return state
+
+
+def _own(state: State, effect: AbstractEffect) -> AbstractEffect:
+    """The state's version of an effect."""
+    return next(e for e in state.plant.effects if (e.kind, e.site) == (effect.kind, effect.site))
+
+
+def _knots(state: State, effect: AbstractEffect) -> int:
+    return len(np.asarray(getattr(_own(state, effect), "knots")))
+
+
+def _with_knots(search: Search, state: State, effect: AbstractEffect, count: int) -> State:
+    """The state fitted anew with another number of knots over the same places."""
+    search.progress(f"trying {count} places instead of {_knots(state, effect)}")
+    own = _own(state, effect)
+    old = np.asarray(getattr(own, "knots"))
+    knots = np.linspace(old[0], old[-1], count)
+    values: dict[str, Any] = {"knots": knots}
+    for key in ADDED_LEVELS[own.kind]:
+        name = "levels_at" if key == "levels" else key
+        values[key] = np.interp(knots, old, np.asarray(getattr(own, name)))
+    changed = make_effect(own.kind, own.site, values)
+    plant = settled(Plant(state.plant.bridge, tuple(changed if e is own else e for e in state.plant.effects)))
+    return search.polish(plant, state.known, state.initial, state.accepted)
 
 
 def prune(search: Search, state: State) -> State:

@@ -11,7 +11,7 @@ from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
 from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
-from .revise import SUPERFLUOUS, prune, simplify
+from .revise import SUPERFLUOUS, prune, settle_knots, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
@@ -101,7 +101,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         search.progress(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
         steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
-        state = simplify(search, state)
+        state = settle_knots(search, simplify(search, state))
         steps[-1] = _as_simplified(steps[-1], state)
         after = nan
         if search.window is not None:
