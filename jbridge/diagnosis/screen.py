@@ -17,8 +17,10 @@ from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
+from ..model.effects.forces import Wind
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE, Candidate
+from .gusts import gusts
 from .normal import Normal, Sum, Tangents
 from .trials import EFFECTIVE
 
@@ -131,6 +133,9 @@ def _promising(told: Tangents, found: Sequence[Candidate]) -> list[Candidate]:
         families.setdefault(candidate.name, []).append(candidate)
     kept: list[Candidate] = []
     for seeds in families.values():
+        if seeds[0].kind == Wind.kind:
+            kept += [*gusts(told, seeds[0], _SEEDS), seeds[0]]
+            continue
         if len(seeds) <= _MANY:
             kept += seeds
             continue

@@ -1,6 +1,5 @@
 """Smooth forces on cart, load and winch."""
 
-import itertools
 from typing import ClassVar
 
 import equinox as eqx
@@ -27,8 +26,6 @@ from .base import (
 
 _EDGE = 0.005
 """Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""
-_PARTS = 15
-"""Parts of a recording at whose edges a gust is thought to rise and to fall."""
 
 
 class QuadraticDrag(AbstractDamping):
@@ -211,12 +208,10 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        # A load swings once in a second or two, and a push that is half of that off does the opposite.
-        edges = [i / _PARTS * scene.duration for i in range(_PARTS + 1)]
-        spans = [(start, stop) for start, stop in itertools.combinations(edges, 2) if stop - start < edges[-1]]
+        sixths = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
-            for start, stop in [(0.0, 2 * scene.duration), *spans]
+            for start, stop in [(0.0, 2 * scene.duration), *sixths]
         ]
 
 
