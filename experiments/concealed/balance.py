@@ -103,11 +103,14 @@ class Drive:
     even: bool = True
     lag: bool = False
 
-    def acting(self, run: Run, numbers: Sequence[float], late: int = 0, limit: float = np.inf) -> np.ndarray:
-        """The voltage behind delay, saturation, dead zone and lag, filtered."""
+    def acting(self, run: Run, numbers: Sequence[float], late: float = 0.0, limit: float = np.inf) -> np.ndarray:
+        """The voltage behind delay [s], saturation, dead zone and lag, filtered."""
         numbers = list(numbers)
+        rows, part = divmod(late / run.period, 1.0)
         u = np.clip(run.u[self.axis], -limit, limit)
-        u = np.concatenate([np.zeros(late), u[: len(u) - late]])
+        if late:  # held values that come late by part of a period act in shares
+            u = np.concatenate([np.zeros(int(rows) + 1), u])
+            u = ((1.0 - part) * u[1:] + part * u[:-1])[: len(run.t)]
         if self.dead:
             low = high = abs(numbers.pop(0))
             if not self.even:
@@ -198,23 +201,27 @@ class Balance:
         """The drive's filtered voltage with the numbers found last."""
         return self.drive.acting(run, self.start)
 
-    def refit(self, others: np.ndarray) -> np.ndarray:
-        """Finds dead zone and lag beside columns that stay; returns the base columns at the best numbers.
+    def refit(self, owned: np.ndarray, chosen: Sequence[np.ndarray] = ()) -> np.ndarray:
+        """Finds dead zone and lag beside other columns; returns the base columns at the best numbers.
+
+        Args:
+            owned: columns of what the model has besides the drive.
+            chosen: columns of effects that were selected; they are not returned.
 
         The last of them are the derivatives by these numbers: candidates compete with a shifted dead zone or lag.
         """
         if self.drive is None:
-            return others
+            return owned
 
         def columns(numbers: Sequence[float]) -> np.ndarray:
-            return np.column_stack([self.column(lambda run: self.drive.acting(run, numbers)), others])
+            return np.column_stack([self.column(lambda run: self.drive.acting(run, numbers)), owned])
 
         if self.start:
             scale = np.maximum(np.abs(self.start), 1e-3)
             size = np.linalg.norm(self.needed)
 
             def residual(z: np.ndarray) -> np.ndarray:
-                return project(columns(z * scale), self.needed) / size
+                return project(np.column_stack([columns(z * scale), *chosen]), self.needed) / size
 
             best = least_squares(residual, np.array(self.start) / scale, diff_step=1e-3, max_nfev=12, bounds=(0, 10))
             self.start = list(best.x * scale)
@@ -227,7 +234,14 @@ class Balance:
         return np.column_stack([base, *slopes])
 
 
+def basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span the same; what is dependent on the others is left out."""
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    u, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+    return u[:, sizes > 1e-8 * sizes[0]]
+
+
 def project(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
     """What a regression on `columns` leaves of `target`, itself one column or several."""
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0]
+    span = basis(columns)
+    return target - span @ (span.T @ target)

@@ -92,10 +92,9 @@ def drives(balance: Balance) -> Iterator[Term]:
     axis, site, drive = balance.axis, f"{balance.site}_drive", balance.drive
     acting, numbers = balance.acting, list(balance.start)
     largest = max(np.abs(run.u[axis]).max() for run in balance.runs)
-    period = balance.runs[0].period
 
-    def late(rows: int) -> Column:
-        return lambda run: drive.acting(run, numbers, late=rows) - acting(run)
+    def late(delay: float) -> Column:
+        return lambda run: drive.acting(run, numbers, late=delay) - acting(run)
 
     def limited(limit: float) -> Column:
         return lambda run: drive.acting(run, numbers, limit=limit) - acting(run)
@@ -111,7 +110,7 @@ def drives(balance: Balance) -> Iterator[Term]:
     def dead(width: float) -> Column:
         return lambda run: -run.acted(np.clip(run.u[axis], -width, width))
 
-    delays = sorted({max(round(d / period), 1) for d in (0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)})
+    delays = (*np.arange(0.001, 0.02, 0.001), *np.arange(0.02, 0.06, 0.003))
     yield Term(f"input_delay {site}", tuple(map(late, delays)), positive=True)
     yield Term(f"gain_asymmetry {site}", (lambda run: np.abs(acting(run)),))
     if axis == "x":
@@ -120,14 +119,15 @@ def drives(balance: Balance) -> Iterator[Term]:
     if not drive.dead:
         yield Term(f"dead_zone {site}", tuple(map(dead, largest * np.arange(0.02, 0.4, 0.02))), positive=True)
     if not drive.lag:
-        yield Term(f"actuator_lag {site}", tuple(map(lag, (0.006, 0.01, 0.016, 0.025, 0.04, 0.06, 0.1))), positive=True)
+        yield Term(f"actuator_lag {site}", tuple(map(lag, np.geomspace(0.003, 0.12, 20))), positive=True)
 
 
 def hoist_forces(balance: Balance) -> Iterator[Term]:
     middle = float(np.mean(_range(balance, "l")))
     yield Term("drum_radius_change hoist_drive", (lambda run: (run.q["l"] - middle) * balance.acting(run),))
     if any(np.ptp(run.q["psi"]) > 0 for run in balance.runs):
-        yield Term("wrong_value load_mass", (lambda run: -balance.of_load(run),))
+        # Without the rope's own acceleration: its noise is that of the balance and would be taken for a mass.
+        yield Term("wrong_value load_mass", (lambda run: run.a["l"] - balance.of_load(run),))
 
 
 def swing_forces(balance: Balance, wound: bool, driven: bool) -> Iterator[Term]:
@@ -159,13 +159,18 @@ def swing_forces(balance: Balance, wound: bool, driven: bool) -> Iterator[Term]:
         yield Term("sensor_scale psi_sensor", (lambda run: run.a["x"] * cosine(run),))
         yield Term("sensor_delay psi_sensor", (lambda run: run.jerk["x"] * cosine(run),), positive=True)
         yield Term("sensor_delay x_sensor", (lambda run: -run.jerk["x"] * cosine(run),), positive=True)
+
+    def turned(run: Run) -> np.ndarray:
+        """Length times angular acceleration as the balance has it: measured, it brings the balance's own noise."""
+        pull = balance.gravity * np.sin(run.q["psi"]) + run.a["x"] * cosine(run)
+        return -pull - 2 * run.v["l"] * run.v["psi"]
+
     if wound:
         middle = float(np.mean(_range(balance, "l")))
         yield Term("length_dependent_damping swing",
                    (lambda run: -(run.q["l"] - middle) * run.v["psi"] / run.q["l"],))  # fmt: skip
-        yield Term("sensor_offset l_sensor", (lambda run: run.a["psi"],))
-        yield Term("sensor_scale l_sensor",
-                   (lambda run: run.q["l"] * run.a["psi"] + 2 * run.v["l"] * run.v["psi"],))  # fmt: skip
+        yield Term("sensor_offset l_sensor", (lambda run: turned(run) / run.q["l"],))
+        yield Term("sensor_scale l_sensor", (lambda run: turned(run) + 2 * run.v["l"] * run.v["psi"],))
 
 
 LAWS: dict[str, tuple[Callable[[Balance], Iterator[Term]], ...]] = {

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance import EQUATION, Balance, Filter, project, run_of
+from balance import EQUATION, Balance, Filter, basis, project, run_of
 from cases import MASTER
 from jbridge import Model, Recording, load_model, load_recordings
 from library import Term, library, owned
@@ -33,6 +33,8 @@ PENALTY = 3.0
 """Times BIC's log of the sample size per number: model errors are correlated beyond the filter. Chosen on `dev`."""
 SHARE = 0.05
 """Of the squared rest, what an effect must explain at least. Chosen on `dev`."""
+RIDGE = 0.01
+"""Of STLSQ, over the number of rows: much of the library is nearly dependent. Chosen on `dev`."""
 MOST = 4
 """Effects per axis."""
 
@@ -46,79 +48,87 @@ class Choice:
     """How much BIC rises when it is left out."""
 
 
-def bic(left: np.ndarray, numbers: int, samples: float) -> float:
-    return samples * math.log(max(float(left @ left), 1e-300)) + PENALTY * numbers * math.log(max(samples, 2.0))
+def bic(rest: float, numbers: int, samples: float) -> float:
+    """The criterion, from a sum of squares."""
+    return samples * math.log(max(rest, 1e-300)) + PENALTY * numbers * math.log(max(samples, 2.0))
 
 
-def numbers_of(term: Term, columns: np.ndarray) -> int:
-    return columns.shape[1] + (len(term.variants) > 1)
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A term at the best of its variants."""
+
+    term: Term
+    columns: np.ndarray
+    free: np.ndarray
+    """The columns less what the base explains of them."""
+    rest: float
+    """Sum of squares that base and columns leave."""
+
+    @property
+    def numbers(self) -> int:
+        """How many were chosen freely: coefficients, and the place on the grid."""
+        return self.columns.shape[1] + (len(self.term.variants) > 1)
 
 
-def physical(term: Term, base: np.ndarray, columns: np.ndarray, target: np.ndarray) -> bool:
-    """Whether the first column's coefficient has the sign that the law has."""
-    if not term.positive:
-        return True
-    first = project(np.column_stack([base, columns[:, 1:]]), columns[:, 0])
-    return float(first @ target) > 0
+def best_variant(term: Term, balance: Balance, base: np.ndarray, left: np.ndarray) -> Candidate | None:
+    """The variant that explains most of what the base leaves, None if none has the sign that its law has.
 
-
-def best_variant(term: Term, balance: Balance, base: np.ndarray, left: np.ndarray) -> np.ndarray | None:
-    """The columns of the variant that explains most of what the base leaves, None if none is physical."""
-    found, best = None, math.inf
+    Args:
+        term: a candidate.
+        balance: rows of an axis.
+        base: orthonormal columns of what is there already.
+        left: what these leave.
+    """
+    found = None
     for made in term.variants:
         columns = balance.column(made)
-        free = project(base, columns)
+        free = columns - base @ (base.T @ columns)
         if np.linalg.norm(free, axis=0).min() < 1e-6 * max(np.linalg.norm(columns, axis=0).max(), 1e-12):
             continue
         rest = project(free, left)
-        if rest @ rest < best and physical(term, base, columns, left):
-            found, best = columns, float(rest @ rest)
+        left_over = float(rest @ rest)
+        if found is None or left_over < found.rest:
+            first = free[:, 0] if free.shape[1] == 1 else project(free[:, 1:], free[:, 0])
+            if not term.positive or first @ left > 0:
+                found = Candidate(term, columns, free, left_over)
     return found
 
 
-def gains(chosen: dict[str, tuple[Term, np.ndarray]], base: np.ndarray, balance: Balance) -> list[Choice]:
-    """What each chosen effect adds beside the others."""
+def lasting(chosen: list[Candidate], base: np.ndarray, balance: Balance) -> list[Choice]:
+    """Drops, one by one, what the others explain as well; what each of the rest adds beside the others."""
 
-    def total(labels: list[str]) -> float:
-        columns = np.column_stack([base, *(chosen[k][1] for k in labels)])
-        numbers = sum(numbers_of(*chosen[k]) for k in labels)
-        return bic(project(columns, balance.needed), numbers, balance.samples)
+    def total(kept: list[Candidate]) -> float:
+        rest = project(np.column_stack([base, *(c.columns for c in kept)]), balance.needed)
+        return bic(float(rest @ rest), sum(c.numbers for c in kept), balance.samples)
 
-    labels = list(chosen)
-    everything = total(labels)
-    return [Choice(k, total([other for other in labels if other != k]) - everything) for k in labels]
+    while chosen:
+        everything = total(chosen)
+        gains = [total([other for other in chosen if other is not c]) - everything for c in chosen]
+        if min(gains) > 0:
+            return [Choice(c.term.label, gain) for c, gain in zip(chosen, gains, strict=True)]
+        chosen = [c for c, gain in zip(chosen, gains, strict=True) if gain > min(gains)]
+    return []
 
 
 def greedy(balance: Balance) -> list[Choice]:
     """Grouped forward selection by BIC; the drive's nonlinear numbers are found anew beside each selection."""
-    columns = np.column_stack([balance.column(made) for made in owned(balance)])
-    chosen: dict[str, tuple[Term, np.ndarray]] = {}
+    there = np.column_stack([balance.column(made) for made in owned(balance)])
+    chosen: list[Candidate] = []
     while True:
-        base = balance.refit(np.column_stack([columns, *(c for _, c in chosen.values())]))
-        left = project(base, balance.needed)
+        base = balance.refit(there, [c.columns for c in chosen])
         if len(chosen) == MOST:
             break
-        scores = []
-        for term in library(balance):
-            made = None if term.label in chosen else best_variant(term, balance, base, left)
-            if made is not None:
-                rest = project(np.column_stack([base, made]), balance.needed)
-                change = bic(rest, numbers_of(term, made), balance.samples) - bic(left, 0, balance.samples)
-                if change < 0 and rest @ rest < (1 - SHARE) * (left @ left):
-                    scores.append((change, term, made))
-        if not scores:
+        span = basis(np.column_stack([base, *(c.columns for c in chosen)]))
+        left = balance.needed - span @ (span.T @ balance.needed)
+        before, samples = float(left @ left), balance.samples
+        taken = {c.term.label for c in chosen}
+        found = [best_variant(t, balance, span, left) for t in library(balance) if t.label not in taken]
+        found = [c for c in found if c and c.rest < (1 - SHARE) * before]
+        scores = [bic(c.rest, c.numbers, samples) for c in found]
+        if not scores or min(scores) >= bic(before, 0, samples):
             break
-        _, term, made = min(scores, key=lambda s: s[0])
-        chosen[term.label] = term, made
-    alone = balance.refit(columns) if balance.drive is None else base_without(base, chosen, columns)
-    found = gains(chosen, alone, balance)
-    return [choice for choice in found if choice.gain > 0]
-
-
-def base_without(base: np.ndarray, chosen: dict[str, tuple[Term, np.ndarray]], columns: np.ndarray) -> np.ndarray:
-    """The base columns of `refit` less those of the chosen effects."""
-    first = 1 + columns.shape[1]
-    return np.delete(base, np.s_[first : first + sum(c.shape[1] for _, c in chosen.values())], axis=1)
+        chosen.append(found[int(np.argmin(scores))])
+    return lasting(chosen, base, balance)
 
 
 def sindy(balance: Balance) -> list[Choice]:
@@ -126,35 +136,31 @@ def sindy(balance: Balance) -> list[Choice]:
     import pysindy
 
     base = balance.refit(np.column_stack([balance.column(made) for made in owned(balance)]))
-    left = project(base, balance.needed)
-    terms, blocks = [], []
-    for term in library(balance):
-        made = best_variant(term, balance, base, left)
-        if made is not None:
-            terms.append(term)
-            blocks.append(made)
-    if not terms:
+    span = basis(base)
+    left = balance.needed - span @ (span.T @ balance.needed)
+    found = [c for c in (best_variant(t, balance, span, left) for t in library(balance)) if c]
+    if not found:
         return []
-    owner = np.repeat(np.arange(len(terms)), [b.shape[1] for b in blocks])
-    free = project(base, np.column_stack(blocks))
-    scale = np.linalg.norm(free, axis=0) / math.sqrt(len(free))
-    unit = math.sqrt(float(np.mean(left**2)))
-    best, kept = bic(left, 0, balance.samples), []
-    for threshold in np.geomspace(0.05, 3.0, 24):
-        # Coefficients in units of the rest: a column's own contribution, root mean square.
-        optimizer = pysindy.STLSQ(threshold=threshold, alpha=1e-3, max_iter=30)
+    # Columns of a group are made orthogonal, so that a coefficient is a contribution, in units of the rest.
+    blocks = [basis(c.free) for c in found]
+    owner = np.repeat(np.arange(len(found)), [b.shape[1] for b in blocks])
+    rows = len(left)
+    columns, target = math.sqrt(rows) * np.column_stack(blocks), left / math.sqrt(float(np.mean(left**2)))
+    best, kept = bic(float(left @ left), 0, balance.samples), []
+    for threshold in np.geomspace(0.05, 1.0, 24):
+        optimizer = pysindy.STLSQ(threshold=threshold, alpha=RIDGE * rows, max_iter=30)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it warns where nothing is left, which is an answer here
-            optimizer.fit(free / scale, (left / unit)[:, None])
-        groups = sorted({int(i) for i in owner[np.abs(np.ravel(optimizer.coef_)) > 0]})
+            optimizer.fit(columns, target[:, None])
+        groups = [found[i] for i in sorted(set(owner[np.abs(np.ravel(optimizer.coef_)) > 0]))]
         if not groups or len(groups) > MOST:
             continue
-        rest = project(np.column_stack([base, *(blocks[i] for i in groups)]), balance.needed)
-        total = bic(rest, sum(numbers_of(terms[i], blocks[i]) for i in groups), balance.samples)
-        if total < best and rest @ rest < (1 - SHARE) * (left @ left):
+        rest = project(np.column_stack([base, *(c.columns for c in groups)]), balance.needed)
+        rest = float(rest @ rest)
+        total = bic(rest, sum(c.numbers for c in groups), balance.samples)
+        if total < best and rest < (1 - SHARE) * float(left @ left):
             best, kept = total, groups
-    found = gains({terms[i].label: (terms[i], blocks[i]) for i in kept}, base, balance)
-    return [choice for choice in found if choice.gain > 0]
+    return lasting(kept, base, balance)
 
 
 RIVALS: dict[str, tuple[Callable[[Balance], list[Choice]], Filter]] = {
@@ -180,12 +186,11 @@ def diagnose(rival: str, model: Model, recordings: tuple[Recording, ...]) -> dic
         if len(balance.needed) > 50:
             found += [(choice, EQUATION[axis]) for choice in select(balance)]
     found.sort(key=lambda pair: -pair[0].gain)
-    effects, seen = [], set()
-    for choice, _ in found:
-        kind, site = choice.label.split()
-        if choice.label not in seen:
-            effects.append({"kind": kind, "site": site, "parameters": {}, "probability": None})
-        seen.add(choice.label)
+    labels = [choice.label for choice, _ in found]
+    if "sensor_delay x_sensor" in labels:  # which the cart's balance can only read as a drive that is late
+        labels = [label for label in labels if label != "input_delay cart_drive"]
+    effects = [dict(zip(("kind", "site"), k.split(), strict=True)) for k in labels]
+    effects = [e | {"parameters": {}, "probability": None} for e in effects]
     return {
         "verdict": "missing_physics" if found else "adequate", "effects": effects,
         "location": {"equation": found[0][1] if found else "none"},
