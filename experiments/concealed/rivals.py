@@ -31,9 +31,9 @@ from seal import open_truths
 
 PENALTY = 3.0
 """Times BIC's log of the sample size per number: model errors are correlated beyond the filter. Chosen on `dev`."""
-SHARE = 0.05
+SHARE = 0.03
 """Of the squared rest, what an effect must explain at least. Chosen on `dev`."""
-RIDGE = 0.01
+RIDGE = 0.03
 """Of STLSQ, over the number of rows: much of the library is nearly dependent. Chosen on `dev`."""
 MOST = 4
 """Effects per axis."""
