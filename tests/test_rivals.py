@@ -13,7 +13,7 @@ pytest.importorskip("pysindy")
 HERE = Path(__file__).parents[1] / "experiments" / "concealed"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
-balance, rivals = (importlib.import_module(name) for name in ("balance", "rivals"))
+balance, rivals, tables = (importlib.import_module(name) for name in ("balance", "rivals", "tables"))
 
 MODEL = """
 [bridge]
@@ -101,3 +101,16 @@ def test_kernels_differentiate_polynomials(order):
     t = np.arange(200) * 0.005
     found = balance.averaged((t - 0.5) ** order, balance.kernel(0.05, 0.005, order))
     np.testing.assert_allclose(found[30:-30], (1, 1, 2, 6)[order], rtol=1e-8)
+
+
+def test_rivals_are_compared_on_the_cases_that_all_have():
+    row = {
+        "true": ["spring_force cart"], "true_verdict": "missing_physics", "verdict": "missing_physics", "before": 9.0,
+        "detected": True, "equation_right": True, "first_right": True, "set_right": True, "wall": 100.0,
+    }  # fmt: skip
+    wrong = row | {"first_right": False, "set_right": False, "before": None, "wall": 1.5}
+    halves = {"proof": {"rows": [row | {"id": "a"}, row | {"id": "b"}]}}
+    text = "\n".join(tables.beside(halves, {"proof": {"greedy": [wrong | {"id": "a"}, wrong | {"id": "c"}]}}))
+    assert "proof, 1 cases" in text
+    assert "hold-out error is >= 5 noise | 100 % (1/1; 21-100) | 100 % (1/1; 21-100)" in text
+    assert "named first, one missing | 100 % (1/1; 21-100) | 0 % (0/1; 0-79)" in text

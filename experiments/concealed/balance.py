@@ -156,14 +156,12 @@ class Balance:
     def _rows(self, run: Run) -> np.ndarray:
         """Rows that can be used: not near an end, not at rest, not reversing where dry friction acts."""
         reach = round((self.filter.smooth + self.filter.bump[self.axis]) / run.period) + 1
-        good = np.zeros(len(run.t), bool)
-        good[reach:-reach] = True
+        good = np.ones(len(run.t), bool)
         if self.axis in CRAWL:
-            width = 2 * reach + 1
-            fast = [np.convolve(way * run.v[self.axis] < CRAWL[self.axis], np.ones(width), "same") < 0.5
-                    for way in (1, -1)]  # fmt: skip
-            good = np.zeros(len(run.t), bool)
-            good[reach:-reach] = (fast[0] | fast[1])[reach:-reach]
+            near = np.ones(2 * reach + 1)
+            slow = [np.convolve(way * run.v[self.axis] < CRAWL[self.axis], near, "same") for way in (1, -1)]
+            good = np.minimum(*slow) < 0.5
+        good[:reach] = good[-reach:] = False
         index = np.arange(0, len(run.t), max(round(self.filter.step / run.period), 1))
         return index[good[index]]
 

@@ -112,9 +112,11 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
             points.append((mean, sum(r["first_right"] for r in here), len(here)))
     left.plot([0, 1], [0, 1], color="0.7", linewidth=1, label="as often as said")
     _dots(left, points, "tab:blue", "first names, 95 % Wilson interval", above=False)
-    left.set(xlim=(0, 1.05), ylim=(0, 1.05), xlabel="probability given to the first name", ylabel="share right")
+    whole = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    left.set(xlim=(0, 1.05), ylim=(-0.05, 1.2), yticks=whole)
+    left.set(xlabel="probability given to the first name", ylabel="share right")
     left.set_title(f"{len(told)} verdicts that name an effect with a probability")
-    left.legend(loc="upper left", frameon=False, fontsize=8)
+    left.legend(loc="upper center", ncols=2, frameon=False, fontsize=8)
     rows = [r for r in halves.get("wide", {"rows": []})["rows"] if r["true"] and r["before"] is not None]
     seen, exact, spans = [], [], []
     for i, (low, high) in enumerate(SEVERITIES):
@@ -126,7 +128,7 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
     _dots(right, seen, "tab:blue", "detected")
     _dots(right, exact, "tab:green", "exact set named, where it has a name", above=False)
     right.set_xticks(range(len(spans)), spans)
-    right.set(xlim=(-0.5, len(spans) - 0.5), ylim=(-0.2, 1.12), ylabel="share, 95 % Wilson interval")
+    right.set(xlim=(-0.5, len(spans) - 0.5), ylim=(-0.2, 1.12), yticks=whole, ylabel="share, 95 % Wilson interval")
     right.set_xlabel("hold-out error of the model without the effect, over the noise")
     right.set_title(f"wide, {len(rows)} cases that lack something")
     right.legend(loc="lower center", ncols=2, frameon=False, fontsize=8)

@@ -165,10 +165,12 @@ def swing_forces(balance: Balance, wound: bool, driven: bool) -> Iterator[Term]:
         pull = balance.gravity * np.sin(run.q["psi"]) + run.a["x"] * cosine(run)
         return -pull - 2 * run.v["l"] * run.v["psi"]
 
-    if wound:
-        middle = float(np.mean(_range(balance, "l")))
+    lengths = _range(balance, "l")
+    middle = float(np.mean(lengths))
+    if np.ptp(lengths) > 0:  # also where the rope is locked at another length in each recording
         yield Term("length_dependent_damping swing",
                    (lambda run: -(run.q["l"] - middle) * run.v["psi"] / run.q["l"],))  # fmt: skip
+    if wound:
         yield Term("sensor_offset l_sensor", (lambda run: turned(run) / run.q["l"],))
         yield Term("sensor_scale l_sensor", (lambda run: turned(run) + 2 * run.v["l"] * run.v["psi"],))
 
@@ -190,7 +192,7 @@ def library(balance: Balance) -> list[Term]:
 
 
 def owned(balance: Balance) -> list[Column]:
-    """Damping and whatever else the model has, apart from the drive."""
+    """Damping and Coulomb friction; the models of the concealed cases have nothing else beside their drives."""
     axis = balance.axis
     length = (lambda run: run.q["l"]) if axis == "psi" else (lambda run: 1.0)
     columns: list[Column] = [lambda run: -run.v[axis] / length(run)]

@@ -222,5 +222,5 @@ def comparison(rows: list[dict]) -> list[tuple[str, str]]:
         ("exact set, one missing", share(g["single"], "set_right")),
         ("exact set, two or three missing", share(g["double"] + g["triple"], "set_right")),
         ("`unknown` said when it is", share(g["unknown"], "said")),
-        ("seconds per case, median (longest)", f"{median(seconds):.0f} ({max(seconds):.0f})" if seconds else "none"),
+        ("seconds per case, median (longest)", f"{median(seconds):.3g} ({max(seconds):.3g})" if seconds else "none"),
     ]
