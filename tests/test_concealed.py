@@ -14,8 +14,8 @@ pytest.importorskip("mujoco")
 HERE = Path(__file__).parents[1] / "experiments" / "concealed"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
-cases, figures, play, rig, scoring, seal, sensors = (
-    importlib.import_module(name) for name in ("cases", "figures", "play", "rig", "score", "seal", "sensors")
+cases, play, rig, scoring, seal, sensors, tables = (
+    importlib.import_module(name) for name in ("cases", "play", "rig", "score", "seal", "sensors", "tables")
 )
 score, parameter_errors = scoring.score, scoring.parameter_errors
 
@@ -381,6 +381,6 @@ def test_table_lists_the_misses_by_name():
         "cores": 2,
         "cases": 2,
     }
-    page = figures.table({"dev": half})
+    page = tables.table({"dev": half})
     assert "`missed`" in page and "`case`" not in page
     assert "detected where the base model's hold-out error is >= 5 noise | >= 98 % | 50 % (1/2" in page

@@ -1,171 +1,19 @@
-"""Table and confusion picture of the concealed proof, from saved rows alone."""
+"""Pictures of the concealed proof, from saved rows alone."""
 
 import json
 from collections import Counter
 from pathlib import Path
-from statistics import median
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.patches import Patch
+
+from tables import PROBABILITIES, SEVERITIES, table, wilson, with_probability
 
 VERDICTS = ["adequate", "missing_physics", "unknown"]
 EQUATIONS = ["none", "cart", "swing", "hoist"]
-
-
-def _share(rows: list[dict], key: str) -> str:
-    """`hits/all` and the percentage, with the 95 % Wilson interval: these are small numbers."""
-    n, hits = len(rows), sum(bool(row[key]) for row in rows)
-    if n == 0:
-        return "none"
-    z = 1.96
-    centre = (hits / n + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * ((hits / n * (1 - hits / n) + z * z / (4 * n)) / n) ** 0.5 / (1 + z * z / n)
-    low, high = 100 * max(centre - half, 0.0), 100 * min(centre + half, 1.0)
-    return f"{100 * hits / n:.0f} % ({hits}/{n}; {low:.0f}-{high:.0f})"
-
-
-def groups(rows: list[dict]) -> dict[str, list[dict]]:
-    """The rows by what is asked of them."""
-    catalogued = [r for r in rows if r["true_verdict"] == "missing_physics"]
-    marked = [r | {"said": r["verdict"] == "unknown"} for r in rows]
-    return {
-        "null": [r for r in rows if r["true_verdict"] == "adequate"],
-        "visible": [r for r in rows if r["true"] and (r["before"] or 0.0) >= 5.0],
-        "concealed": [r for r in rows if r["true"]],
-        "single": [r for r in catalogued if len(r["true"]) == 1],
-        "double": [r for r in catalogued if len(r["true"]) == 2],
-        "triple": [r for r in catalogued if len(r["true"]) == 3],
-        "catalogued": catalogued,
-        "unknown": [r for r in marked if r["true_verdict"] == "unknown"],
-        "known": [r for r in marked if r["true_verdict"] != "unknown"],
-    }
-
-
-def _numbers(rows: list[dict], what: str) -> tuple[list[float], list[bool]]:
-    found = [p for r in rows for p in r[what].values()]
-    return [p["error"] for p in found], [p["covered"] for p in found if p["covered"] is not None]
-
-
-def _percent(values: list, middle: bool = True) -> str:
-    if not values:
-        return "none"
-    return f"{100 * (median(values) if middle else sum(values) / len(values)):.1f} % of {len(values)}"
-
-
-def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
-    """Rows of the table: measure, aim, result."""
-    g = groups(rows)
-    errors, covered = _numbers(rows, "parameters")
-    rig_errors, rig_covered = _numbers(rows, "bridge")
-    gaps = [r["gap_closed"] for r in g["catalogued"] if r["gap_closed"] is not None]
-    seconds = [r["wall"] for r in rows if r.get("wall") is not None]
-    return [
-        ("false alarms where only numbers are wrong", "<= 2 %", _share(g["null"], "detected")),
-        (
-            "detected where the base model's hold-out error is >= 5 noise",
-            ">= 98 %",
-            _share(g["visible"], "detected"),
-        ),
-        ("right equation", ">= 97 %", _share(g["concealed"], "equation_right")),
-        (
-            "right effect, or its declared equivalent, named first, one missing",
-            ">= 95 %",
-            _share(g["single"], "first_right"),
-        ),
-        ("right effect first or among its declared equivalents", "", _share(g["single"], "in_set")),
-        ("exact set, one missing", "", _share(g["single"], "set_right")),
-        ("exact set, two missing", ">= 80 %", _share(g["double"], "set_right")),
-        ("exact set, three missing", ">= 60 %", _share(g["triple"], "set_right")),
-        ("`unknown` said when it is", ">= 90 %", _share(g["unknown"], "said")),
-        ("`unknown` wrongly said", "<= 5 %", _share(g["known"], "said")),
-        ("verdict right", "", _share(rows, "verdict_right")),
-        ("effect parameters, median error", "<= 5 %", _percent(errors)),
-        ("effect parameters, 95 % intervals that cover", "92-98 %", _percent(covered, middle=False)),
-        ("the rig's own numbers, median error", "<= 5 %", _percent(rig_errors)),
-        ("the rig's own numbers, 95 % intervals that cover", "92-98 %", _percent(rig_covered, middle=False)),
-        ("hold-out gap closed, median", ">= 95 %", _percent(gaps)),
-        (
-            "seconds per case, median (longest)",
-            "<= 60 s",
-            f"{median(seconds):.0f} ({max(seconds):.0f})" if seconds else "none",
-        ),
-    ]
-
-
-def misses(rows: list[dict]) -> list[str]:
-    """One line for every case with a wrong verdict, a wrong first effect or a wrong equation."""
-    lines = []
-    for r in rows:
-        wrong = [] if r["verdict_right"] else [f"said {r['verdict']}, was {r['true_verdict']}"]
-        if r["true"] and not r["equation_right"]:
-            wrong.append(f"equation {r['equation']}, was {' or '.join(r['true_equations'])}")
-        if r["true_verdict"] == "missing_physics" and not r["set_right"]:
-            wrong.append(f"named {', '.join(r['named']) or 'nothing'}")
-        if wrong:
-            true = " + ".join(r["true"]) or "nothing missing"
-            lines.append(f"- `{r['id']}` ({r['flavour']}, {r['loop']} loop) {true}: {'; '.join(wrong)}")
-    return lines
-
-
-def table(halves: dict[str, dict]) -> str:
-    """The whole page in markdown."""
-    names = list(halves)
-    columns = [summary(halves[n]["rows"]) for n in names]
-    lines = [
-        "# Concealed cases",
-        "",
-        "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings were",
-        "chosen on `dev`; `proof` was opened once; `wide` has every effect at three sizes. Percentages come with",
-        "counts and 95 % Wilson intervals.",
-        "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
-        "",
-        "| measure | aim | " + " | ".join(names) + " |",
-        "|" + "---|" * (2 + len(names)),
-    ]
-    for i, (measure, aim, _) in enumerate(columns[0]):
-        lines.append(f"| {measure} | {aim} | " + " | ".join(column[i][2] for column in columns) + " |")
-    for n in names:
-        rows, made = halves[n]["rows"], halves[n]
-        missed = misses(rows)
-        lines += ["", f"## Misses of {n}: {len(missed)} of {len(rows)} cases", ""]
-        codes = sorted({r["code"] for r in rows if r.get("code")}) or [made["commit"] or "unversioned"]
-        code = ", ".join(codes)
-        lines += [f"{len(rows)} of {made['cases']} cases run; code {code}; {made['cores']} cores.", ""]
-        lines += missed or ["none"]
-        if any(r.get("probability") is not None for r in rows):
-            lines += ["", f"## By size, {n}", "", *by_severity(rows), "", *reliability(rows)]
-    return "\n".join(lines) + "\n"
-
-
-SEVERITIES = ((0.0, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, float("inf")))
-"""Of the hold-out error of the refitted model without the effect, over the noise, root mean square of the channels."""
-
-
-def by_severity(rows: list[dict]) -> list[str]:
-    """How often what is missing is seen and named, over how large it is."""
-    lines = ["| hold-out error over noise | cases | detected | right equation | exact set, where it has a name |"]
-    lines += ["|---|---|---|---|---|"]
-    for low, high in SEVERITIES:
-        here = [r for r in rows if r["true"] and r["before"] is not None and low <= r["before"] < high]
-        named = [r for r in here if r["true_verdict"] == "missing_physics"]
-        span = f"{low:g} to {high:g}" if high < float("inf") else f"above {low:g}"
-        shares = _share(here, "detected"), _share(here, "equation_right"), _share(named, "set_right")
-        lines.append(f"| {span} | {len(here)} | " + " | ".join(shares) + " |")
-    failed = [r for r in rows if r["true"] and r["before"] is None]
-    return [*lines, f"| did not finish | {len(failed)} | | | |"] if failed else lines
-
-
-def reliability(rows: list[dict]) -> list[str]:
-    """How often the first name is right where one was given as the verdict, over its probability."""
-    lines = ["| probability of the first name | cases | mean probability | right |", "|---|---|---|---|"]
-    told = [r for r in rows if r.get("probability") is not None and r["verdict"] == "missing_physics"]
-    for low, high in ((0.0, 0.6), (0.6, 0.9), (0.9, 0.99), (0.99, 1.01)):
-        here = [r for r in told if low <= r["probability"] < high]
-        mean = f"{100 * sum(r['probability'] for r in here) / len(here):.1f} %" if here else "none"
-        lines.append(f"| {low:g} to {min(high, 1.0):g} | {len(here)} | {mean} | {_share(here, 'first_right')} |")
-    return lines
 
 
 def _answer(row: dict) -> str:
@@ -230,12 +78,66 @@ def confusion(half: dict, path: Path) -> None:
         hits.append((answer if right else r["true_equations"][0], answer, right))
     _grid(equations, hits, EQUATIONS, EQUATIONS, 8)
     equations.set_title("equation")
+    said_right = (("tab:blue", "right or as good as right"), ("tab:orange", "wrong"))
+    marks = [Patch(color=colour, alpha=0.75, linewidth=0, label=label) for colour, label in said_right]
+    figure.legend(handles=marks, loc="upper left", bbox_to_anchor=(0.8, 0.97), frameon=False)
+    figure.savefig(path, dpi=130, metadata={"Software": None})
+    plt.close(figure)
+
+
+def _dots(axes, points: list[tuple[float, int, int]], colour: str, label: str, above: bool = True) -> None:
+    """Shares with their Wilson intervals and counts; each point is (place, hits, all)."""
+    points = [p for p in points if p[2]]
+    spans = [wilson(hits, n) for _, hits, n in points]
+    shares = [hits / n for _, hits, n in points]
+    # Rounding may put an end of the interval on the wrong side of a share of 0 or 1.
+    away = [[max(s - low, 0.0) for s, (low, _) in zip(shares, spans, strict=True)]]
+    away += [[max(high - s, 0.0) for s, (_, high) in zip(shares, spans, strict=True)]]
+    axes.errorbar([x for x, _, _ in points], shares, yerr=away, fmt="o", color=colour, capsize=3, label=label)
+    for (x, hits, n), (low, high) in zip(points, spans, strict=True):
+        place, offset, side = (high, 4, "bottom") if above else (low, -4, "top")
+        axes.annotate(f"{hits}/{n}", (x, place), (0, offset), textcoords="offset points", ha="center", va=side,
+                      fontsize=8, color=colour)  # fmt: skip
+
+
+def reliability(halves: dict[str, dict], path: Path) -> None:
+    """Are probabilities honest, and how large must an effect be to be seen and named?"""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+    told = with_probability([r for half in halves.values() for r in half["rows"]])
+    points = []
+    for low, high in PROBABILITIES:
+        here = [r for r in told if low <= r["probability"] < high]
+        if here:
+            mean = sum(r["probability"] for r in here) / len(here)
+            points.append((mean, sum(r["first_right"] for r in here), len(here)))
+    left.plot([0, 1], [0, 1], color="0.7", linewidth=1, label="as often as said")
+    _dots(left, points, "tab:blue", "first names, 95 % Wilson interval", above=False)
+    whole = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    left.set(xlim=(0, 1.05), ylim=(-0.05, 1.2), yticks=whole)
+    left.set(xlabel="probability given to the first name", ylabel="share right")
+    left.set_title(f"{len(told)} verdicts that name an effect with a probability")
+    left.legend(loc="upper center", ncols=2, frameon=False, fontsize=8)
+    rows = [r for r in halves.get("wide", {"rows": []})["rows"] if r["true"] and r["before"] is not None]
+    seen, exact, spans = [], [], []
+    for i, (low, high) in enumerate(SEVERITIES):
+        here = [r for r in rows if low <= r["before"] < high]
+        named = [r for r in here if r["true_verdict"] == "missing_physics"]
+        seen.append((i - 0.12, sum(r["detected"] for r in here), len(here)))
+        exact.append((i + 0.12, sum(r["set_right"] for r in named), len(named)))
+        spans.append(f"{low:g} to {high:g}" if high < float("inf") else f"above {low:g}")
+    _dots(right, seen, "tab:blue", "detected")
+    _dots(right, exact, "tab:green", "exact set named, where it has a name", above=False)
+    right.set_xticks(range(len(spans)), spans)
+    right.set(xlim=(-0.5, len(spans) - 0.5), ylim=(-0.2, 1.12), yticks=whole, ylabel="share, 95 % Wilson interval")
+    right.set_xlabel("hold-out error of the model without the effect, over the noise")
+    right.set_title(f"wide, {len(rows)} cases that lack something")
+    right.legend(loc="lower center", ncols=2, frameon=False, fontsize=8)
     figure.savefig(path, dpi=130, metadata={"Software": None})
     plt.close(figure)
 
 
 def draw(folder: Path) -> None:
-    """Redraws `concealed-table.md` and `concealed-confusion.png` from `data/concealed-*.json`."""
+    """Redraws table, confusion and reliability (`concealed-*`) from `data/concealed-*.json`."""
     halves = {}
     for half in ("dev", "proof", "wide"):
         data = folder / "data" / f"concealed-{half}.json"
@@ -246,5 +148,8 @@ def draw(folder: Path) -> None:
     if not halves:
         print(f"no rows below {folder / 'data'} yet")
         return
-    (folder / "concealed-table.md").write_text(table(halves))
+    beside = folder / "data" / "concealed-rivals.json"
+    rivals = json.loads(beside.read_text()) if beside.exists() else None
+    (folder / "concealed-table.md").write_text(table(halves, rivals))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
+    reliability(halves, folder / "concealed-reliability.png")
