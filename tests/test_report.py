@@ -25,7 +25,7 @@ from tests import report_cases as cases
 VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
     "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
-    "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued",
+    "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued", "missing_force",
 }  # fmt: skip
 HOSTILE = '<script>alert("&")</script>.csv'
 

@@ -35,6 +35,7 @@ from .curve import force_without_a_name
 from .design import next_experiment
 from .holdout import off_map, split_off
 from .limits import not_seen
+from .missing import missing_forces
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, Former, NamedEffect
 from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
@@ -142,7 +143,9 @@ def diagnose(
         rivals = nearest(state, explained.refused)
     experiment = next_experiment(rivals, setting, tell) if rivals else None
     at = curved.plant.effects[-1].site if curved is not None else None
-    location = location_of(alarm, effects, steps, explained.screened, shown, setting, at)
+    train = [trace for trace in shown if trace.role == "train"]
+    latent = missing_forces(base, train, tell) if alarm else None
+    location = location_of(alarm, effects, steps, explained.screened, shown, setting, at, latent)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")

@@ -3,6 +3,9 @@
 import dataclasses
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..identify.result import Errors, Estimate, Trace
 from ..model.files import Model
 
@@ -53,6 +56,38 @@ class Interval:
 
 
 @dataclasses.dataclass(frozen=True)
+class Likeness:
+    """What a missing force is like. Shares are of its mean square, in recordings that took no part in the fit."""
+
+    foreseen: float
+    """By what foresees most, alone or all together."""
+    by: Mapping[str, float]
+    """By each variable alone: `x`, `v_x`, `u_x`, `psi`, `t` and so on; `x, direction` is `x` in either direction."""
+    odd: float | None
+    """Share of what is foreseen that turns round with the velocity; None where too little is foreseen."""
+    energy: float
+    """Work that it does over that of its size: -1 takes energy out only, +1 puts energy in only."""
+    period: float | None
+    """Distance after which it repeats [m, rad]; None where it does not."""
+    memory: float
+    """Further share that the distance since the last reversal foresees."""
+    statement: str
+    """The same for the rig's owner; empty where nothing can be said."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MissingForce:
+    """The smoothed unknown force on one axis along a recording."""
+
+    recording: str
+    times: NDArray[np.float64]
+    """From the recording's start [s], `(time,)`."""
+    mean: NDArray[np.float64]
+    """[N, N m, N]"""
+    std: NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
 class Location:
     """Where the mismatch is."""
 
@@ -63,6 +98,11 @@ class Location:
     """Probability by site, largest first."""
     where: tuple[Region, ...]
     when: tuple[Interval, ...]
+    evidence: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """Log probability of the recordings with an unknown force or signal at a site, over that with none, by site."""
+    forces: tuple[MissingForce, ...] = ()
+    """What the model as given lacks, by training recording."""
+    likeness: Likeness | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..identify.base import chi, columns_for
 from ..identify.evaluate import evaluate
+from ..identify.latent import Latent
 from ..identify.result import Estimate
 from ..identify.setting import Setting
 from ..identify.uncertainty import covariance, estimates
@@ -17,6 +18,7 @@ from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE
 from .levels import simpler_laws
 from .locate import equation_of, intervals, region
+from .missing import force_along, likeness_of
 from .result import Location, NamedEffect, Rival
 from .screen import Screen
 from .trials import EFFECTIVE, State, Trial
@@ -116,6 +118,7 @@ def location_of(
     shown: Sequence[Any],
     setting: Setting,
     curve: str | None,
+    latent: Latent | None = None,
 ) -> Location:
     """Where the mismatch is.
 
@@ -128,6 +131,7 @@ def location_of(
         setting: noise.
         curve: site of the force without a name that the final model keeps: what was named beside it explains a part
             only, and the force says where the rest is.
+        latent: unknown forces beside the model as given.
     """
     if not alarm:
         return Location(None, "none", {}, (), ())
@@ -151,11 +155,17 @@ def location_of(
     if effects:
         at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
     at = curve or at
-    axis = AXIS_OF_SITE[at] if at is not None else None
     train = [trace for trace in shown if trace.role == "train"]
+    evidence = {} if latent is None else dict(sorted(latent.evidence.items(), key=lambda item: -item[1]))
+    if not effects and curve is None and evidence:
+        # Nothing that was tried passed, so what was expected of it says less than a force that may be anything.
+        at = next(iter(evidence))
+    axis = AXIS_OF_SITE[at] if at is not None else None
     where = region(train, axis) if axis is not None else ()
     when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
-    return Location(at, equation_of(axis), sites, where, when)
+    forces = () if latent is None or axis is None else force_along(latent.forces, train, axis)
+    likeness = likeness_of(forces, train, axis) if forces and axis is not None else None
+    return Location(at, equation_of(axis), sites, where, when, evidence, forces, likeness)
 
 
 def _site_of_number(name: str) -> str:

@@ -203,8 +203,11 @@ def verdict_sentence(
         return (
             f"Something repeatable is missing at the {where}, but no explanation holds: what explains these recordings "
             f"leaves errors of {_times(proof.after)} times the noise on the hold-out, in {proof.measure}."
+            + (f" {location.likeness.statement}" if location.likeness and location.likeness.statement else "")
         )
     found = " What was found explains a part of it only." if effects else ""
+    if location.likeness is not None and location.likeness.statement:
+        found += f" {location.likeness.statement}"
     if curve:
         found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."
     return (

@@ -24,6 +24,8 @@ from .lanes import Lanes
 PORTS = 13
 """What may act on an interval: changes of the inputs of cart and hoist, forces and friction levels up and down on the
 three axes, all held, and impulses of the two inputs at the interval's beginning."""
+FORCES = slice(2, 5)
+"""Those of the generalized forces."""
 
 
 @returned
@@ -42,39 +44,61 @@ def linearise(
     vector: Float[Array, " parameter"],
     initial: Float[Array, "lane state"],
     lanes: Lanes,
+    forces: Float[Array, "lane time 3"] | None = None,
 ) -> Along:
-    """Trajectories of all lanes and the linearised map of every interval, which is one step (`lanes.refined`)."""
+    """Trajectories of all lanes and the linearised map of every interval, which is one step (`lanes.refined`).
 
-    def one(start: Array, lanes: Lanes) -> Along:
+    Args:
+        table: of the plant's parameters.
+        vector: their values.
+        initial: initial state of every lane.
+        lanes: the lanes, refined.
+        forces: generalized forces that act besides [N, N m, N], held over each interval; none by default.
+    """
+
+    def one(start: Array, lanes: Lanes, forces: Array | None) -> Along:
         plant = _plant(table, vector, lanes)
-        motions = rollout(plant, start, lanes.lane, substeps=1, method=_METHOD)
-        _, told = prepare(plant, start, lanes.lane, 1)
+        first, told = prepare(plant, start, lanes.lane, 1)
+
+        def moved(carry: Motions, now: Interval, ports: Array) -> Motions:
+            mean, early = (Axes(h.x + ports[0], h.psi, h.l + ports[1]) for h in (now.mean, now.early))
+            at_once = Axes(ports[11], jnp.zeros(()), ports[12])
+            push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
+            return advance(
+                plant,
+                kicked(plant, carry, now, lanes.lane.active, at_once),
+                now._replace(mean=mean, early=early),
+                lanes.lane.active,
+                push=push,
+            )
+
+        if forces is None:
+            ports = jnp.zeros((told.number.shape[0], PORTS))
+            motions = rollout(plant, start, lanes.lane, substeps=1, method=_METHOD)
+        else:
+            ports = jnp.zeros((told.number.shape[0], PORTS)).at[:, FORCES].set(forces)
+
+            def interval(carry: Motions, now: tuple[Interval, Array]) -> tuple[Motions, Motions]:
+                carry = moved(carry, *now)
+                return carry, carry
+
+            _, later = jax.lax.scan(interval, first, (told, ports))
+            motions = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
         at = jax.tree.map(lambda leaf: leaf[:-1], motions)
         # One interval's number stands for all: what tells `materialise` to go must not depend on time.
         number = told.number[0]
 
-        def jacobian(carry: Motions, now: Interval) -> tuple[Array, Array]:
+        def jacobian(carry: Motions, now: Interval, ports: Array) -> tuple[Array, Array]:
             flat, restore = ravel_pytree(carry)
-            now = now._replace(number=number)
 
             def after(state: Array, ports: Array) -> Array:
-                mean, early = (Axes(h.x + ports[0], h.psi, h.l + ports[1]) for h in (now.mean, now.early))
-                at_once = Axes(ports[11], jnp.zeros(()), ports[12])
-                push = Push(Axes(*ports[2:5]), Axes(*ports[5:8]), Axes(*ports[8:11]))
-                moved = advance(
-                    plant,
-                    kicked(plant, restore(state), now, lanes.lane.active, at_once),
-                    now._replace(mean=mean, early=early),
-                    lanes.lane.active,
-                    push=push,
-                )
-                return ravel_pytree(moved)[0]
+                return ravel_pytree(moved(restore(state), now._replace(number=number), ports))[0]
 
-            return jax.jacfwd(after, (0, 1))(flat, jnp.zeros(PORTS))
+            return jax.jacfwd(after, (0, 1))(flat, ports)
 
-        return Along(motions, *jax.vmap(jacobian)(at, told))
+        return Along(motions, *jax.vmap(jacobian)(at, told, ports))
 
-    return jax.vmap(one)(initial, lanes)
+    return jax.vmap(one)(initial, lanes, forces)
 
 
 @kept(static=(0,))

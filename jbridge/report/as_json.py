@@ -25,6 +25,7 @@ def report_json(diagnosis: Diagnosis) -> str:
             "statement": diagnosis.statement,
             "adequacy": _adequacy(diagnosis),
             "location": _location(diagnosis),
+            "missing_force": _missing_force(diagnosis),
             "effects": [_effect(effect) for effect in diagnosis.effects],
             "model_effects": [_effect(effect) for effect in diagnosis.model_effects],
             "fit": _before_and_after(diagnosis),
@@ -101,6 +102,14 @@ def _location(diagnosis: Diagnosis) -> dict[str, Any]:
             for interval in location.when
         ],
     }
+
+
+def _missing_force(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """Evidence for an unknown force or signal at each site, and what it is like; null without an alarm."""
+    location = diagnosis.location
+    if location.likeness is None:
+        return None
+    return {"evidence": location.evidence, **dataclasses.asdict(location.likeness)}
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:
