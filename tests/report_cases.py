@@ -12,7 +12,9 @@ from jbridge.diagnosis.result import (
     Continued,
     Diagnosis,
     Interval,
+    Likeness,
     Location,
+    MissingForce,
     NamedEffect,
     NextExperiment,
     NotSeen,
@@ -157,6 +159,28 @@ FRICTION_MAP = NamedEffect(
 )
 
 
+LIKENESS = Likeness(
+    0.62,
+    {"x": 0.31, "x, direction": 0.4, "v_x": 0.02, "u_x": 0.0, "t": 0.0, "psi": 0.0, "v_psi": 0.62},
+    0.94,
+    -0.3,
+    None,
+    0.01,
+    "The missing force turns round with the direction of motion, as friction does.",
+)
+
+
+def missing_force(trace):
+    """A force that goes with the cart's place along a recording, not known where the cart rests."""
+    times = trace.times[::2]
+    return MissingForce(
+        trace.recording,
+        times,
+        0.4 * np.sin(np.arange(len(times)) / 7),
+        np.where(np.arange(len(times)) % 50 < 40, 0.05, 0.3),
+    )
+
+
 def model():
     plant = Plant(
         Bridge(cart_gain=16.04, cart_damping=45.31, hoist_gain=2.97),
@@ -291,7 +315,16 @@ def unknown():
         verdict="unknown",
         statement="Something acts on the cart near x = 0.8 m that no physics of the catalogue explains.",
         adequacy=dataclasses.replace(full.adequacy, p_value=math.nan),
-        location=Location("cart", "cart", {"cart": 0.6, "cart_drive": 0.4}, (Region("x", 0.6, 0.9, 0.7),), ()),
+        location=Location(
+            "cart",
+            "cart",
+            {"cart": 0.6, "cart_drive": 0.4},
+            (Region("x", 0.6, 0.9, 0.7),),
+            (),
+            {"cart": 1234.5, "x_sensor": 1210.0, "swing": -3.0},
+            tuple(missing_force(trace) for trace in full.traces if trace.role == "train"),
+            LIKENESS,
+        ),
         effects=(),
         holdout_after=Errors({"x": 0.0042, "psi": math.nan, "l": 6e-5}, {"x": math.inf, "psi": 0.002, "l": 6e-5}),
         next_experiment=None,

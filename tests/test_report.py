@@ -16,7 +16,7 @@ from jbridge.model.files import Model
 from jbridge.report import save as saving
 from jbridge.report.as_json import fit_json, report_json
 from jbridge.report.diagnosis_page import diagnosis_page
-from jbridge.report.figures.gallery import Gallery
+from jbridge.report.figures.gallery import Gallery, diagnosis_gallery
 from jbridge.report.files import check_output, write_text
 from jbridge.report.quantities import shown, shown_entries
 from jbridge.report.rows import error_rows, parts
@@ -70,6 +70,19 @@ def test_report_has_every_key(case):
     assert fit["train"].keys() == fit["holdout"].keys() == fit["window"]["holdout"].keys() == {"before", "after"}
     assert fit["window"]["seconds"] == 2.0
     assert fit["noise"] == cases.NOISE
+
+
+def test_report_tells_what_the_missing_force_is_like():
+    assert parsed(report_json(cases.adequate()))["missing_force"] is None
+    told = parsed(report_json(cases.unknown()))["missing_force"]
+    assert told["evidence"] == {"cart": 1234.5, "x_sensor": 1210.0, "swing": -3.0}
+    assert told["by"]["v_psi"] == 0.62 and told["odd"] == 0.94 and told["period"] is None
+
+
+def test_page_tells_what_the_missing_force_is_like():
+    page = diagnosis_page(cases.unknown(), diagnosis_gallery(cases.unknown()))
+    assert cases.LIKENESS.statement in page and "Missing force on the cart" in page and "1,234" in page
+    assert "Missing force" not in diagnosis_page(cases.adequate(), Gallery())
 
 
 def test_report_keeps_numbers_in_si():

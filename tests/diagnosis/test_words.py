@@ -1,9 +1,11 @@
 """The verdict as a rig's owner reads it."""
 
+import dataclasses
+
 import pytest
 
 from jbridge.diagnosis.holdout import OffMap
-from jbridge.diagnosis.result import Channel, Location, NamedEffect, Rival
+from jbridge.diagnosis.result import Channel, Likeness, Location, NamedEffect, Rival
 from jbridge.diagnosis.words import Proof, effect_sentence, verdict_sentence
 from jbridge.identify.result import Estimate
 
@@ -13,10 +15,16 @@ FRICTION = NamedEffect("coulomb_friction", "cart", 1.0, {}, (), "")
 MASS = NamedEffect("wrong_value", "load_mass", 1.0, {"value": Estimate(0.2, 0.01, 0.18, 0.22, "kg")}, (), "")
 
 
-def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False, abroad=None):
+LIKE_FRICTION = Likeness(0.7, {"x": 0.7}, 0.95, -1.0, None, 0.0, "The missing force takes energy out.")
+AS_FRICTION = dataclasses.replace(AT_CART, likeness=LIKE_FRICTION)
+
+
+def said(
+    verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False, abroad=None, at=AT_CART
+):
     proof = Proof(30.0, 15.2, "windows of 2 s") if unproven else Proof(30.0, 1.2, "free runs")
     told = {"large": large, "asked": asked, "curve": curve, "unproven": unproven, "abroad": abroad}
-    return verdict_sentence(verdict, effects, AT_CART, BEFORE, after, proof, **told)
+    return verdict_sentence(verdict, effects, at, BEFORE, after, proof, **told)
 
 
 @pytest.mark.parametrize(
@@ -41,6 +49,11 @@ def said(verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=Fals
         ),
         (said("unknown", after=BEFORE), "nothing in the catalogue explains it: errors reach 20 times the noise."),
         (said("unknown", [FRICTION], BEFORE), "What was found explains a part of it only."),
+        (said("unknown", after=BEFORE, at=AS_FRICTION), "20 times the noise. The missing force takes energy out."),
+        (
+            said("unknown", [FRICTION], unproven=True, at=AS_FRICTION),
+            "in windows of 2 s. The missing force takes energy out.",
+        ),
         (said("unknown", after=BEFORE, curve=True), "The model file keeps the missing force as a curve"),
         (
             said("unknown", [FRICTION], unproven=True),

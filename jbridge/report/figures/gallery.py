@@ -14,6 +14,7 @@ from .evidence import draw_evidence
 from .force import draw_force
 from .friction_map import draw_friction_map
 from .improvement import draw_improvement
+from .missing import draw_missing
 from .residuals import draw_residuals
 from .signals import draw_signals
 from .style import Picture, drawable
@@ -22,7 +23,7 @@ _DIAGNOSED = ("model as given, refitted", "final model")
 _FITTED = ("model as given", "fitted model")
 _MOST_HOLDOUTS = 3
 OWN_NAME = re.compile(
-    r"(improvement|places|force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
+    r"(improvement|places|(missing-)?force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
     r"|friction-map-position-(dependent|direction)-friction-.+)\.png"
 )
 """What the files of figures are called."""
@@ -34,6 +35,7 @@ class Gallery:
 
     improvement: tuple[Picture, ...] = ()
     evidence: tuple[Picture, ...] = ()
+    missing: tuple[Picture, ...] = ()
     forces: tuple[Picture, ...] = ()
     maps: Mapping[tuple[str, str], Picture] | None = None
     """By kind and site of the effect."""
@@ -42,7 +44,7 @@ class Gallery:
 
     def all(self) -> tuple[Picture, ...]:
         maps = tuple((self.maps or {}).values())
-        return (*self.improvement, *self.evidence, *self.forces, *maps, *self.signals, *self.residuals)
+        return (*self.improvement, *self.evidence, *self.missing, *self.forces, *maps, *self.signals, *self.residuals)
 
 
 def diagnosis_gallery(diagnosis: Diagnosis) -> Gallery:
@@ -55,6 +57,7 @@ def diagnosis_gallery(diagnosis: Diagnosis) -> Gallery:
             diagnosis.holdout_before, diagnosis.holdout_after, diagnosis.noise, diagnosis.window, labels
         ),
         evidence=_present(draw_evidence("places", location.sites, location.site)),
+        missing=_missing(diagnosis, units),
         forces=_forces(diagnosis.traces, AXIS_OF_EQUATION.get(location.equation), location.where, units, labels),
         maps=_maps((*diagnosis.effects, *diagnosis.model_effects)),
         signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
@@ -114,6 +117,14 @@ def _improvement(
     before: Errors, after: Errors, noise: Mapping[str, float], window: float, labels: tuple[str, str]
 ) -> tuple[Picture, ...]:
     return _present(draw_improvement("improvement", before, after, noise, window, labels))
+
+
+def _missing(diagnosis: Diagnosis, units: Mapping[str, str]) -> tuple[Picture, ...]:
+    location, axis = diagnosis.location, AXIS_OF_EQUATION.get(diagnosis.location.equation)
+    if location.likeness is None or axis is None:
+        return ()
+    name = f"missing-force-{axis}"
+    return _present(draw_missing(name, location.forces, diagnosis.traces, axis, location.likeness, units))
 
 
 def _forces(

@@ -1,0 +1,128 @@
+"""The force that the model as given lacks: along a recording, and against what it hangs on."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from numpy.typing import NDArray
+
+from ...diagnosis.result import Likeness, MissingForce
+from ...identify.result import Trace
+from ..quantities import pretty_unit
+from ..words import variable_name, variable_unit
+from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, Picture, picture, shortened
+
+_QUANTITY = {
+    "x": ("force on the cart", "N"),
+    "psi": ("torque on the swing", "mN m"),
+    "l": ("force along the rope", "N"),
+}
+_BINS = 30
+_LEAST_IN_BIN = 12
+_MOST_POINTS = 4000
+_SURE = 0.7
+"""Standard deviation, over the largest, above which nothing was learned of the force."""
+
+Points = NDArray[np.float64]
+
+
+def draw_missing(
+    name: str,
+    forces: Sequence[MissingForce],
+    traces: Sequence[Trace],
+    axis: str,
+    likeness: Likeness,
+    units: Mapping[str, str],
+) -> Picture | None:
+    """The smoothed force along the recording where it is largest, and against two variables.
+
+    Args:
+        name: of the picture's file.
+        forces: by recording.
+        traces: the same recordings, and maybe more.
+        axis: on which the force acts, `x`, `psi` or `l`.
+        likeness: what it is like.
+        units: of the inputs.
+
+    Returns:
+        None where there is no force to draw.
+    """
+    by_name = {trace.recording: trace for trace in traces}
+    pairs = [(force, by_name[force.recording]) for force in forces if force.recording in by_name]
+    pairs = [(force, trace) for force, trace in pairs if len(force.times) > 1]
+    if not pairs:
+        return None
+    factor = 1e3 if axis == "psi" else 1.0
+    quantity, unit = _QUANTITY[axis]
+    widest = max(float(force.std.max()) for force, _ in pairs)
+    best = max(likeness.by, key=lambda key: likeness.by[key]).partition(",")[0]
+    variables = list(dict.fromkeys([best, axis, f"v_{axis}"]))[:2]
+    shown, _ = max(pairs, key=lambda pair: float(np.mean(pair[0].mean ** 2)))
+
+    def draw(figure: FigureBase) -> None:
+        grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 1.35))
+        course = figure.add_subplot(grid[0, :])
+        low, high = factor * (shown.mean - 2 * shown.std), factor * (shown.mean + 2 * shown.std)
+        course.fill_between(shown.times, low, high, color=NOISE, alpha=0.7, linewidth=0, label="95 %")
+        course.plot(shown.times, factor * shown.mean, color=BEFORE, label="missing force")
+        course.axhline(0, color="#808080", linewidth=0.8)
+        course.set_xlabel(f"time in {shortened(shown.recording)} [s]")
+        course.set_ylabel(f"{quantity} [{unit}]")
+        course.legend(loc="upper right", ncols=2)
+        panels = [figure.add_subplot(grid[1, k]) for k in range(len(variables))]
+        for panel, variable in zip(panels, variables, strict=True):
+            _against(panel, pairs, axis, variable, widest, factor)
+            shown_unit = pretty_unit(variable_unit(variable, units)).replace("rad", "deg")
+            panel.set_xlabel(f"{variable_name(variable)} [{shown_unit}]")
+            panel.axhline(0, color="#808080", linewidth=0.8)
+        panels[0].set_ylabel(f"{quantity} [{unit}]")
+        if panels[0].get_legend_handles_labels()[0]:
+            panels[0].legend(loc="best")
+
+    told = "Smoothed from the recordings, with nothing assumed of its law. Lines: median in each direction."
+    return picture(name, f"Missing {quantity}", 5.6, draw, told)
+
+
+def _against(
+    panel: Axes,
+    pairs: Sequence[tuple[MissingForce, Trace]],
+    axis: str,
+    variable: str,
+    widest: float,
+    factor: float,
+) -> None:
+    """Points and running medians, each direction of motion by itself."""
+    values, forces, speeds = [], [], []
+    for force, trace in pairs:
+        known = force.std < _SURE * widest
+        values.append(_at(force, trace, variable)[known])
+        speeds.append(_at(force, trace, f"v_{axis}")[known])
+        forces.append(factor * force.mean[known])
+    x, y, v = (np.concatenate(part) for part in (values, forces, speeds))
+    some = slice(None, None, max(1, len(x) // _MOST_POINTS))
+    panel.plot(x[some], y[some], ".", color=NOISE, markersize=2, zorder=0)
+    if not len(x) or not np.ptp(x) > 0:
+        return
+    low, high = (float(edge) for edge in np.quantile(x, [0.005, 0.995]))
+    edges = np.linspace(low, high, _BINS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    for colour, label, chosen in ((FORWARDS, "forwards", v > 0), (BACKWARDS, "backwards", v < 0)):
+        place = np.searchsorted(edges, x[chosen]) - 1
+        parts = [y[chosen][place == i] for i in range(_BINS)]
+        medians = [float(np.median(part)) if len(part) >= _LEAST_IN_BIN else np.nan for part in parts]
+        panel.plot(middle, medians, color=colour, label=label)
+    top = 1.1 * float(np.quantile(np.abs(y), 0.995))
+    if top > 0:
+        panel.set_ylim(-top, top)
+
+
+def _at(force: MissingForce, trace: Trace, variable: str) -> Points:
+    """A variable at the force's times, angles in degrees."""
+    if variable == "t":
+        return force.times
+    source = trace.inputs if variable.startswith("u_") else trace.coordinates
+    if variable.startswith("v_"):
+        source = trace.velocities
+    values = source.get(variable.removeprefix("v_"), np.zeros_like(trace.times))
+    return np.interp(force.times, trace.times, values) * (180 / np.pi if variable.endswith("psi") else 1.0)
