@@ -1,15 +1,12 @@
 """Second thoughts about what was accepted: a simpler law in its place, and what is superfluous dropped."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
-from ..model.effects.base import AbstractEffect
 from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
-from .adequacy import LARGE
 from .candidates import WRONG_VALUE, Candidate
 from .levels import ADDED_LEVELS, simpler_laws
 from .search import Search, settled
@@ -20,6 +17,7 @@ SUPERFLUOUS = 0.02
 _PAYS = 0.05
 """Share of the cost on recordings left out that twice the knots must gain."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
+_Map = PositionDependentFriction | PositionDirectionFriction
 
 
 def simplify(search: Search, state: State, place: int = -1) -> State:
@@ -47,52 +45,49 @@ def simplify(search: Search, state: State, place: int = -1) -> State:
     return state
 
 
-def settle_knots(search: Search, state: State) -> State:
-    """The latest accepted map of friction with as many knots as recordings left out ask for.
+def finer(search: Search, state: State, place: int = -1) -> State:
+    """An accepted map of friction, the latest by default, with twice the knots as long as those are worth it.
 
     A map starts on a grid of its own. Where friction changes within a step of that grid more knots tell more, and the
-    error that too few leave would be taken for another effect; where it changes slowly, fewer are known better.
+    error that too few leave would be taken for another effect.
     """
-    effect = next((e for e in state.plant.effects if (e.kind, e.site) == state.accepted[-1].name), None)
-    if not isinstance(effect, PositionDependentFriction | PositionDirectionFriction):
-        return state
-    finer = state
-    while finer.worst > LARGE and (count := 2 * _knots(finer, effect) - 1) <= _MOST_KNOTS:
-        found = _with_knots(search, finer, effect, count)
-        if found.cross_validated > finer.cross_validated * (1 - _PAYS):
-            break
-        finer = found
-    if finer is not state:
-        return finer
-    while (count := (_knots(state, effect) + 1) // 2 + 1) < _knots(state, effect) and count >= _LEAST_KNOTS:
-        found = _with_knots(search, state, effect, count)
-        if found.cross_validated > state.cross_validated * (1 + SUPERFLUOUS):
+    friction = _map_of(state, state.accepted[place])
+    while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
+        found = _with_knots(search, state, friction, count)
+        if found.cross_validated > state.cross_validated * (1 - _PAYS):
             break
         state = found
+        friction = _map_of(state, state.accepted[place])
     return state
 
 
-def _own(state: State, effect: AbstractEffect) -> AbstractEffect:
-    """The state's version of an effect."""
-    return next(e for e in state.plant.effects if (e.kind, e.site) == (effect.kind, effect.site))
+def coarser(search: Search, state: State, place: int = -1) -> State:
+    """The same with fewer knots as long as those do as well: where friction changes slowly, fewer are known better."""
+    friction = _map_of(state, state.accepted[place])
+    while friction is not None and (count := len(friction.knots) // 2 + 1) >= _LEAST_KNOTS:
+        found = _with_knots(search, state, friction, count)
+        if found.cost > state.cost * (1 + SUPERFLUOUS):
+            break
+        state = found
+        friction = _map_of(state, state.accepted[place])
+    return state
 
 
-def _knots(state: State, effect: AbstractEffect) -> int:
-    return len(np.asarray(getattr(_own(state, effect), "knots")))
+def _map_of(state: State, accepted: Candidate) -> _Map | None:
+    """The map of friction that an accepted explanation is, if it is one."""
+    effect = next((e for e in state.plant.effects if (e.kind, e.site) == accepted.name), None)
+    return effect if isinstance(effect, _Map) else None
 
 
-def _with_knots(search: Search, state: State, effect: AbstractEffect, count: int) -> State:
+def _with_knots(search: Search, state: State, friction: _Map, count: int) -> State:
     """The state fitted anew with another number of knots over the same places."""
-    search.progress(f"trying {count} places instead of {_knots(state, effect)}")
-    own = _own(state, effect)
-    old = np.asarray(getattr(own, "knots"))
+    search.progress(f"trying {count} places instead of {len(friction.knots)}")
+    old = np.asarray(friction.knots)
     knots = np.linspace(old[0], old[-1], count)
-    values: dict[str, Any] = {"knots": knots}
-    for key in ADDED_LEVELS[own.kind]:
-        name = "levels_at" if key == "levels" else key
-        values[key] = np.interp(knots, old, np.asarray(getattr(own, name)))
-    changed = make_effect(own.kind, own.site, values)
-    plant = settled(Plant(state.plant.bridge, tuple(changed if e is own else e for e in state.plant.effects)))
+    levels = {key: getattr(friction, "levels_at" if key == "levels" else key) for key in ADDED_LEVELS[friction.kind]}
+    values = {"knots": knots} | {key: np.interp(knots, old, np.asarray(level)) for key, level in levels.items()}
+    changed = make_effect(friction.kind, friction.site, values)
+    plant = settled(Plant(state.plant.bridge, tuple(changed if e is friction else e for e in state.plant.effects)))
     return search.polish(plant, state.known, state.initial, state.accepted)
 
 

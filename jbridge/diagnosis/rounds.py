@@ -11,7 +11,7 @@ from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
 from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
-from .revise import SUPERFLUOUS, prune, settle_knots, simplify
+from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
@@ -101,7 +101,9 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         search.progress(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
         steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
-        state = settle_knots(search, simplify(search, state))
+        state = simplify(search, state)
+        if state.worst > LARGE:
+            state = finer(search, state)
         steps[-1] = _as_simplified(steps[-1], state)
         after = nan
         if search.window is not None:
@@ -119,6 +121,10 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
             steps = [_renamed(step, old, state.accepted[place]) for step in steps]
         state = prune(search, state)
         steps = _by_gap_closed(steps, state)
+    for place in range(len(state.accepted)):
+        # The error of too coarse a map is seen best when the rest is explained.
+        resolved = finer(search, state, place) if state.chi > CLOSE else state
+        state = resolved if resolved is not state else coarser(search, state, place)
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)

@@ -39,6 +39,14 @@ def test_missing_physics_is_named_with_its_number(missing):
     assert sum(missing.location.sites.values()) == pytest.approx(1.0, abs=1e-3)
 
 
+def test_the_missing_force_is_a_drag(missing):
+    assert max(missing.location.evidence, key=lambda site: missing.location.evidence[site]) == "cart"
+    likeness = missing.location.likeness
+    # Beside a viscous damping that was refitted without it, and that takes up half of it.
+    assert likeness.odd > 0.9 and max(likeness.by["v_x"], likeness.by["x, direction"]) > 0.25
+    assert [force.recording for force in missing.location.forces] == ["run-1.csv", "run-2.csv", "run-3.csv"]
+
+
 def test_the_hold_out_proves_it(missing):
     before, after = missing.holdout_before.free_run["x"], missing.holdout_after.free_run["x"]
     assert before > 5 * NOISE["x"] and after < 1.5 * NOISE["x"]

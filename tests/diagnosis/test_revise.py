@@ -1,0 +1,53 @@
+"""Maps of friction choose how many places they have, from what recordings left out say."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.candidates import Candidate
+from jbridge.diagnosis.revise import coarser, finer
+from jbridge.diagnosis.search import Search
+from jbridge.identify.linearise import Engine
+from jbridge.identify.setting import lanes_for, make_setting
+from jbridge.model.files import Model
+from tests.identify.cases import DRY, cart_recordings
+from tests.problems import NUMBERS, make_plant
+
+PLACES = np.linspace(0.2, 1.3, 8)
+MAP = Candidate("position_dependent_friction", "cart", {}, ("levels",), False)
+
+
+def accepted(true_knots, true_levels):
+    """A search whose latest acceptance is a map with eight places, and the fit of it."""
+    friction = ("position_dependent_friction", "cart")
+    rig = make_plant(DRY, (*friction, {"knots": list(true_knots), "levels": list(true_levels)}), cart_damping=30.0)
+    runs = cart_recordings(rig, 4, seed=5)
+    low, high = min(run.x.min() for run in runs), max(run.x.max() for run in runs)
+    start = {"knots": list(np.linspace(low, high, 8)), "levels": [0.5] * 7 + [0.0]}
+    plant = make_plant(DRY, (*friction, start), cart_damping=30.0)
+    known = frozenset(("cart_mass", "load_mass", "winch_mass", "gravity"))
+    setting = make_setting(Model(plant, known, frozenset(NUMBERS), {}, "m.toml"), runs, ())
+    search = Search(plant, known, setting, None)
+    guess = lanes_for(Engine(plant).table, plant, setting, setting.recordings).initial
+    near = search.polish(plant, known, guess, (MAP,))
+    return search, search.polish(near.plant, known, near.initial, (MAP,))
+
+
+def places(state):
+    return len(state.plant.effects[-1].knots)
+
+
+@pytest.mark.slow
+def test_a_jagged_friction_gets_more_places():
+    knots = np.linspace(0.2, 1.3, 16)
+    search, state = accepted(knots, np.where(np.arange(16) % 2, 1.5, 0.0))
+    assert state.worst > 2.0
+    found = finer(search, state)
+    assert places(found) in (15, 29) and found.chi < 0.6 * state.chi
+
+
+@pytest.mark.slow
+def test_a_smooth_friction_gets_fewer():
+    search, state = accepted([0.0, 1.5], [0.0, 2.0])
+    assert finer(search, state) is state
+    found = coarser(search, state)
+    assert places(found) == 3 and found.chi < 1.02 * state.chi
