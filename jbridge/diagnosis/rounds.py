@@ -15,7 +15,7 @@ from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
-from .ties import ties
+from .ties import look_alike, ties
 from .trials import State, Trial, accepts, held
 
 MOST_EFFECTS = 6
@@ -89,7 +89,11 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         reasons, passed = _judged(state, trials, least)
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))
-            trials = sorted([*trials, *search.refit_all(state, tied)], key=lambda t: t.score)
+            trials = [*trials, *search.refit_all(state, tied)]
+            alike = look_alike(passed[0].candidate)
+            if alike is not None and alike not in reasons and alike not in {a.name for a in state.accepted}:
+                trials += mechanisms(search, state, alike)
+            trials.sort(key=lambda t: t.score)
             reasons, passed = _judged(state, trials, least)
         if not passed:
             left = [(t, reasons[t.candidate.name]) for t in trials]

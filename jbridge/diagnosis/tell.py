@@ -26,6 +26,10 @@ from .words import effect_sentence
 
 RIVAL = 0.01
 """Least probability, relative to the winner's, of an explanation that counts as not told apart."""
+_SAME = 1.01
+"""Cost, relative to the winner's, up to which an explanation is as good."""
+_MORE = 2
+"""Further numbers that such an explanation may have."""
 HOLDS = 0.1
 """Least share of the excess over noise that an effect must remove from recordings left out."""
 
@@ -51,6 +55,11 @@ class Step:
             if trial is self.chosen
             or not any(other.score < trial.score and _contains(trial, other.candidate.name) for other in found)
         ]
+
+
+def _as_good(trial: Trial, chosen: Trial) -> bool:
+    """Whether a law with a few numbers more explains the same: improbable for its numbers, but not told apart."""
+    return trial.cost <= _SAME * chosen.cost and trial.extra <= chosen.extra + _MORE
 
 
 def _contains(trial: Trial, name: tuple[str, str]) -> bool:
@@ -79,7 +88,9 @@ def named_of(
         rivals: list[Rival] = []
         for trial in step.passed:
             name = trial.candidate.name
-            if name == (kind, site) or weights[name] < RIVAL * own or len(rivals) == 3:
+            if name == (kind, site) or len(rivals) == 3:
+                continue
+            if weights[name] < RIVAL * own and not _as_good(trial, step.chosen):
                 continue
             rivals.append(_rival(trial, weights[name], setting))
         out.append(

@@ -14,6 +14,16 @@ from .screen import Screened
 _TIED = 1.02
 """Expected cost, relative to the winner's, up to which it counts as the same."""
 _MOST = 3
+_HIDDEN = {
+    # A load that hangs a little below the hook swings, at a bridge's frequencies, as on a rope that is longer.
+    ("sensor_offset", "l_sensor"): ("double_pendulum", "swing"),
+    ("sensor_scale", "l_sensor"): ("double_pendulum", "swing"),
+}
+
+
+def look_alike(winner: Candidate) -> tuple[str, str] | None:
+    """The effect with a hidden state, which no linear screen weighs, that may do the same as a winner."""
+    return _HIDDEN.get(winner.name)
 
 
 def ties(ranked: Sequence[Screened], winner: Candidate, tried: Collection[tuple[str, str]]) -> list[Screened]:
