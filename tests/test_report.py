@@ -76,7 +76,8 @@ def test_report_tells_what_the_missing_force_is_like():
     assert parsed(report_json(cases.adequate()))["missing_force"] is None
     told = parsed(report_json(cases.unknown()))["missing_force"]
     assert told["evidence"] == {"cart": 1234.5, "x_sensor": 1210.0, "swing": -3.0}
-    assert told["by"]["v_psi"] == 0.62 and told["odd"] == 0.94 and told["period"] is None
+    likeness = told["likeness"]
+    assert likeness["by"]["v_psi"] == 0.62 and likeness["odd"] == 0.94 and likeness["period"] is None
 
 
 def test_page_tells_what_the_missing_force_is_like():

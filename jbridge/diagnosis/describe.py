@@ -36,6 +36,10 @@ _TOLD = 0.25
 """Share of a force that must be foreseen before anything is said of it."""
 _CLEAR = 0.8
 """Share from which a force counts as odd or even, or as one that only takes or gives energy."""
+_ABOUT = 0.05
+"""Shares that differ by less count as the same."""
+_MOSTLY = 0.8
+"""Share of all that is foreseen that a way of looking must foresee for its symmetry to be the force's."""
 _REPEATS = 0.7
 """Share of what the place foresees that one wave must foresee for the force to count as periodic."""
 _MEMORY = 0.15
@@ -75,7 +79,7 @@ def describe(tracks: Sequence[Track], axis: str) -> Likeness:
     others = {name: _either_way(tracks, name) for name in tracks[0].others}
     clock = _hats(tracks, lambda t: t.times, 0.0, max(t.times[-1] for t in tracks), _PLACES)
     both = _beside(place, turned)
-    every = _beside(both, velocity, inputs, *(_beside(*pair) for pair in others.values()))
+    every = _beside(both, velocity, inputs, clock, *(_beside(*pair) for pair in others.values()))
     since = [_since_reversal(t, high - low) for t in tracks]
     features = {
         axis: place,
@@ -86,17 +90,25 @@ def describe(tracks: Sequence[Track], axis: str) -> Likeness:
         **{name: _beside(*pair) for name, pair in others.items()},
     }
     by = {name: _share(tracks, tables) for name, tables in features.items()}
-    best = max(by, key=lambda name: by[name])
+    best = most_telling(by)
+    foreseen = max(by[best], _share(tracks, every))
+    seen = _beside(both, velocity, features[best])  # what memory goes beyond
     likeness = Likeness(
-        max(by[best], _share(tracks, every)),
+        foreseen,
         by,
-        _odd(tracks, place, turned, velocity, others),
+        _odd(tracks, place, turned, velocity, others, foreseen),
         _energy(tracks),
         _period(tracks, low, high, by[axis + EITHER_WAY]),
-        _share(tracks, _beside(features[best], since)) - by[best],
+        _share(tracks, _beside(seen, since)) - _share(tracks, seen),
         "",
     )
     return dataclasses.replace(likeness, statement=_sentence(likeness, rotary=axis == "psi"))
+
+
+def most_telling(by: Mapping[str, float]) -> str:
+    """The variable that foresees most; of those that do about as well the plainest, which comes first."""
+    most = max(by.values())
+    return next(name for name, share in by.items() if share >= most - _ABOUT)
 
 
 def _sentence(found: Likeness, rotary: bool) -> str:
@@ -108,14 +120,14 @@ def _sentence(found: Likeness, rotary: bool) -> str:
             words.append("is the same in both directions of motion, as a spring's or a slope's is")
         else:
             words.append("is different in the two directions of motion, but does not just turn round")
-    if abs(found.energy) > _CLEAR:
+    if abs(found.energy) > _CLEAR and found.foreseen > _TOLD:
         words.append("takes energy out" if found.energy < 0 else "puts energy in")
     if found.period is not None:
         size = f"{np.degrees(found.period):.3g} degrees" if rotary else f"{1e3 * found.period:.3g} mm"
         words.append(f"repeats every {size}")
     if found.memory > _MEMORY:
         words.append("remembers: at the same place and velocity it depends on how far back the last reversal is")
-    best = max(found.by, key=lambda name: found.by[name])
+    best = most_telling(found.by)
     if found.by[best] > _TOLD:
         name = best.removesuffix(EITHER_WAY)
         told = _WORDS[name] + (" and the direction of motion" if name != best else "")
@@ -123,7 +135,7 @@ def _sentence(found: Likeness, rotary: bool) -> str:
     if not words:
         return ""
     listed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])}, and {words[-1]}"
-    return f"The missing force {listed}."
+    return f"The force that the model as given lacks {listed}."
 
 
 def _quarters(track: Track) -> list[Track]:
@@ -213,8 +225,9 @@ def _odd(
     turned: list[NDArray[np.float64]],
     velocity: list[NDArray[np.float64]],
     others: Mapping[str, tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]],
+    foreseen: float,
 ) -> float | None:
-    """Share that turns round with the velocity, of what foresees most; None where nothing foresees enough."""
+    """Share that turns round with the velocity, of what foresees most; None where that is not nearly everything."""
     # Velocity's hats are symmetrical about nothing, so their mirror image is the force at the opposite velocity.
     mirrored = [c[:, ::-1] for c in velocity]
     ways = [
@@ -226,7 +239,7 @@ def _odd(
     ]
     shares = [_share(tracks, _beside(*way)) for way in ways]
     best = int(np.argmax(shares))
-    if shares[best] < _TOLD:
+    if shares[best] < max(_TOLD, _MOSTLY * foreseen):
         return None
     even, odd = ways[best]
     learned = _fit(_beside(even, odd), tracks)
@@ -245,7 +258,7 @@ def _energy(tracks: Sequence[Track]) -> float:
 
 def _period(tracks: Sequence[Track], low: float, high: float, by_place: float) -> float | None:
     """The length of a single wave along the axis that foresees most of what the place does."""
-    if by_place < _TOLD or not high > low:
+    if not high > low:
         return None
     best, period = 0.0, None
     for halves in range(4, 81):

@@ -144,7 +144,7 @@ def diagnose(
     experiment = next_experiment(rivals, setting, tell) if rivals else None
     at = curved.plant.effects[-1].site if curved is not None else None
     train = [trace for trace in shown if trace.role == "train"]
-    latent = missing_forces(base, train, tell) if alarm else None
+    latent = missing_forces(base, in_windows, train, tell) if alarm else None
     location = location_of(alarm, effects, steps, explained.screened, shown, setting, at, latent)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(

@@ -130,7 +130,10 @@ def _thinned(found: list[Candidate]) -> list[Candidate]:
         families.setdefault((*c.name, c.free, c.finite), []).append(c)
     kept: list[Candidate] = []
     for seeds in families.values():
-        take = np.unique(np.linspace(0, len(seeds) - 1, _PLACES).round().astype(int))
+        places = np.linspace(0, len(seeds) - 1, _PLACES)
+        if seeds[0].harmonic:  # most that repeats along an axis does so a few times
+            places = np.geomspace(1, len(seeds), _PLACES) - 1
+        take = np.unique(places.round().astype(int))
         kept += [seeds[i] for i in take]
     return kept
 

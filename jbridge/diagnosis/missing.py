@@ -1,6 +1,6 @@
 """The force that the model as given lacks: where it acts, how it goes, and what it is like."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,15 +9,20 @@ from .._types import AXES
 from ..identify.base import BaseFit
 from ..identify.latent import Force, Latent, unknown_forces
 from ..identify.result import Trace
+from ..model.effects.base import AXIS_OF_SITE
 from .describe import INPUT_OF, Track, describe
 from .result import Likeness, MissingForce
 
+_LEAD = 10.0
+"""Least log probability by which an unknown force or signal must be better than none, and than another equation's."""
 
-def missing_forces(base: BaseFit, traces: Sequence[Trace], progress: Callable[[str], None]) -> Latent:
+
+def missing_forces(base: BaseFit, in_windows: bool, traces: Sequence[Trace], progress: Callable[[str], None]) -> Latent:
     """Smoothed unknown forces on all axes, and the evidence for one at each site.
 
     Args:
         base: the model as given, refitted.
+        in_windows: whether to take its numbers from windows, within which a missing force pulls them less far away.
         traces: the training recordings, in order, with the force balance of that model.
         progress: told what goes on.
     """
@@ -28,42 +33,56 @@ def missing_forces(base: BaseFit, traces: Sequence[Trace], progress: Callable[[s
         known = np.concatenate(forces) if forces else np.zeros(0)
         known = known[np.isfinite(known)]
         scale[k] = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
-    return unknown_forces(base.engine.table, base.vector, base.free_run, base.fits.initial[0], scale)
+    vector = base.window_vector if in_windows else base.vector
+    return unknown_forces(base.engine.table, vector, base.free_run, base.fits.initial[0], scale)
+
+
+def leading_site(evidence: Mapping[str, float]) -> str | None:
+    """The site whose unknown force or signal explains most, if no other equation's comes near; else None."""
+    best = max(evidence, key=lambda site: evidence[site], default=None)
+    if best is None:
+        return None
+    others = [value for site, value in evidence.items() if AXIS_OF_SITE[site] != AXIS_OF_SITE[best]]
+    return best if evidence[best] - max([0.0, *others]) > _LEAD else None
 
 
 def force_along(forces: Sequence[Force], traces: Sequence[Trace], axis: str) -> tuple[MissingForce, ...]:
-    """That of one axis, by recording."""
+    """That of one axis, by recording; none where none was looked for."""
     k = AXES.index(axis)
     return tuple(
         MissingForce(trace.recording, force.times, force.mean[:, k], force.std[:, k])
-        for force, trace in zip(forces, traces, strict=True)
+        for force, trace in zip(forces, traces[: len(forces)], strict=True)
+        if len(force.times) > 1 and np.isfinite(force.mean[:, k]).all()
     )
 
 
 def likeness_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str) -> Likeness:
     """What the force on an axis hangs on."""
-    widest = max(float(force.std.max(initial=0.0)) for force in forces)
-    tracks = [_track(force, trace, axis, widest) for force, trace in zip(forces, traces, strict=True)]
-    return describe(tracks, axis)
+    widest = max(float(force.std.max()) for force in forces)
+    by_name = {trace.recording: trace for trace in traces}
+    # A rope that is locked in one recording has no drive there.
+    inputs = sorted({name for trace in traces for name in trace.inputs})
+    return describe([_track(force, by_name[force.recording], axis, widest, inputs) for force in forces], axis)
 
 
-def _track(force: MissingForce, trace: Trace, axis: str, widest: float) -> Track:
+def _track(force: MissingForce, trace: Trace, axis: str, widest: float, inputs: Sequence[str]) -> Track:
     def at(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(force.times, trace.times, values)
 
+    none = np.zeros_like(trace.times)
     others = {}
     for other in AXES:
         if other != axis and other in trace.coordinates:
             others[other] = at(trace.coordinates[other])
             others[f"v_{other}"] = at(trace.velocities[other])
-    for name, values in trace.inputs.items():
+    for name in inputs:
         if name != INPUT_OF[axis]:
-            others[name] = at(values)
+            others[name] = at(trace.inputs.get(name, none))
     return Track(
         force.times,
         at(trace.coordinates[axis]),
         at(trace.velocities[axis]),
-        at(trace.inputs.get(INPUT_OF[axis], np.zeros_like(trace.times))),
+        at(trace.inputs.get(INPUT_OF[axis], none)),
         others,
         force.mean,
         # Where friction holds the axis nothing is learned of the force, and it goes back to its prior.

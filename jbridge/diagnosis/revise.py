@@ -63,10 +63,11 @@ def finer(search: Search, state: State, place: int = -1) -> State:
 
 def coarser(search: Search, state: State, place: int = -1) -> State:
     """The same with fewer knots as long as those do as well: where friction changes slowly, fewer are known better."""
+    most = state.cost * (1 + SUPERFLUOUS)
     friction = _map_of(state, state.accepted[place])
     while friction is not None and (count := len(friction.knots) // 2 + 1) >= _LEAST_KNOTS:
         found = _with_knots(search, state, friction, count)
-        if found.cost > state.cost * (1 + SUPERFLUOUS):
+        if found.cost > most:
             break
         state = found
         friction = _map_of(state, state.accepted[place])

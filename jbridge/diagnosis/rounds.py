@@ -91,7 +91,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))
             trials = [*trials, *search.refit_all(state, tied)]
             alike = look_alike(passed[0].candidate)
-            if alike is not None and alike not in reasons and alike not in {a.name for a in state.accepted}:
+            if alike is not None and alike not in {*reasons, *(a.name for a in state.accepted)}:
                 trials += mechanisms(search, state, alike)
             trials.sort(key=lambda t: t.score)
             reasons, passed = _judged(state, trials, least)

@@ -18,8 +18,8 @@ from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE
 from .levels import simpler_laws
 from .locate import equation_of, intervals, region
-from .missing import force_along, likeness_of
-from .result import Location, NamedEffect, Rival
+from .missing import force_along, leading_site, likeness_of
+from .result import Location, MissingForce, NamedEffect, Rival
 from .screen import Screen
 from .trials import EFFECTIVE, State, Trial
 from .words import effect_sentence
@@ -168,13 +168,16 @@ def location_of(
     at = curve or at
     train = [trace for trace in shown if trace.role == "train"]
     evidence = {} if latent is None else dict(sorted(latent.evidence.items(), key=lambda item: -item[1]))
-    if not effects and curve is None and evidence:
+    if not effects and curve is None:
         # Nothing that was tried passed, so what was expected of it says less than a force that may be anything.
-        at = next(iter(evidence))
+        at = leading_site(evidence) or at
     axis = AXIS_OF_SITE[at] if at is not None else None
     where = region(train, axis) if axis is not None else ()
     when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
-    forces = () if latent is None or axis is None else force_along(latent.forces, train, axis)
+    forces: tuple[MissingForce, ...] = ()
+    if latent is not None and at is not None and axis is not None and not at.endswith("_sensor"):
+        # Where a sensor is at fault no force is missing.
+        forces = force_along(latent.forces, train, axis)
     likeness = likeness_of(forces, train, axis) if forces and axis is not None else None
     return Location(at, equation_of(axis), sites, where, when, evidence, forces, likeness)
 

@@ -105,11 +105,12 @@ def _location(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _missing_force(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Evidence for an unknown force or signal at each site, and what it is like; null without an alarm."""
+    """Evidence for an unknown force or signal at each site, and what the force is like; null without an alarm."""
     location = diagnosis.location
-    if location.likeness is None:
+    if not location.evidence and location.likeness is None:
         return None
-    return {"evidence": location.evidence, **dataclasses.asdict(location.likeness)}
+    likeness = None if location.likeness is None else dataclasses.asdict(location.likeness)
+    return {"evidence": location.evidence, "likeness": likeness}
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:

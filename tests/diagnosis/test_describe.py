@@ -1,5 +1,7 @@
 """What a missing force is like, on forces whose laws are written down here."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,20 @@ def test_it_names_what_it_hangs_on():
     assert max(by_swing.by, key=lambda name: by_swing.by[name]) == "psi" and by_swing.odd > 0.9
     in_time = described(lambda t, q, v, u, swing, since: np.exp(-((t - 6.0) ** 2)))
     assert max(in_time.by, key=lambda name: in_time.by[name]) == "t"
+
+
+@pytest.mark.parametrize("main", [lambda t, u: 1.8 * (u / 8) ** 3, lambda t, u: np.exp(-((t - 6.0) ** 2))])
+def test_of_two_laws_neither_speaks_for_both(main):
+    """Plain friction beside something else is no memory, and does not make all of it turn round."""
+    likeness = described(lambda t, q, v, u, swing, since: main(t, u) - 0.3 * np.sign(v))
+    assert likeness.memory < 0.1 and "remembers" not in likeness.statement
+    assert likeness.odd is None and "turns round" not in likeness.statement
+
+
+def test_a_force_of_no_size_is_not_described():
+    tracks = [track(lambda t, q, v, u, swing, since: 0 * t, seed, 1e-18) for seed in range(3)]
+    silent = [dataclasses.replace(t, weight=1e-9 * t.weight) for t in tracks]
+    assert describe(silent, "x").statement == ""
 
 
 def test_nothing_is_said_of_noise():

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from jbridge.identify.kalman import Prior, Steps, evidence, smoothed
 from jbridge.identify.lanes import make_batch
-from jbridge.identify.latent import Prior, Steps, _evidence, _smoothed, unknown_forces
+from jbridge.identify.latent import unknown_forces
 from jbridge.identify.linearise import Engine
 from jbridge.identify.solve import solve
 from tests.identify.cases import NOISE, play, steps
@@ -37,7 +38,7 @@ def cart_alone(force):
         error,
         weight,
         force,
-        np.array([2e-3, 3e-2]),
+        np.diag([4e-6, 9e-4]),
         np.array([1e-3, -0.02]),
     )
 
@@ -54,8 +55,8 @@ def dense(steps, size, length, signal):
             to_force[k, j] = (np.linalg.matrix_power(a, k - j) @ b)[0]
     mean = to_start @ np.asarray(steps.start) - to_force[:, :COUNT] @ np.asarray(steps.force)[:, 0]
     response = np.eye(COUNT, COUNT + 1, 1) if signal else to_force
-    cov = to_start @ np.diag(np.asarray(steps.spread) ** 2) @ to_start.T + response @ kernel @ response.T
-    return to_start, mean, cov, (kernel @ response.T)[1:], np.diag(kernel)[1:]
+    cov = to_start @ np.asarray(steps.spread) @ to_start.T + response @ kernel @ response.T
+    return to_start, mean, cov, kernel @ response.T, np.diag(kernel)
 
 
 @pytest.mark.parametrize("signal", [False, True], ids=["force", "signal"])
@@ -73,13 +74,13 @@ def test_filter_and_smoother_are_gaussian_regression(signal):
     wanted = multivariate_normal(mean[used], noisy).logpdf(measured)
     # The filter leaves out what no prior changes: the noise's own normalisation.
     constant = -0.5 * used.sum() * np.log(2 * np.pi * 1e-6)
-    assert float(_evidence(prior, steps)) == pytest.approx(wanted - constant, rel=1e-8)
+    assert float(evidence(prior, steps)) == pytest.approx(wanted - constant, rel=1e-8)
     gain = cross[:, used] @ np.linalg.inv(noisy)
-    told, std, first = (np.asarray(part) for part in _smoothed(prior, steps))
-    np.testing.assert_allclose(told[:, 0], gain @ (measured - mean[used]), atol=1e-7 * size)
+    told, std, before, first = (np.asarray(part) for part in smoothed(prior, steps))
+    np.testing.assert_allclose(np.append(before, told), gain @ (measured - mean[used]), atol=1e-7 * size)
     left = variance - np.einsum("ij,ij->i", gain, cross[:, used])
-    np.testing.assert_allclose(std[:, 0], np.sqrt(left), rtol=1e-5)
-    spread = np.diag(np.asarray(steps.spread) ** 2)
+    np.testing.assert_allclose(std[:, 0], np.sqrt(left[1:]), rtol=1e-5)
+    spread = np.asarray(steps.spread)
     began = np.asarray(steps.start) + spread @ to_start[used].T @ np.linalg.solve(noisy, measured - mean[used])
     np.testing.assert_allclose(first, began, rtol=1e-6, atol=1e-12)
 

@@ -108,7 +108,8 @@ class MissedCounts(AbstractSensor):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        times = [(i + 0.5) / _TIMES * scene.duration for i in range(_TIMES)]
+        # What happens in a recording's first or last moments is its start's or nobody's.
+        times = [(0.05 + 0.9 * i / (_TIMES - 1)) * scene.duration for i in range(_TIMES)]
         return [Seed({"jump": 0.0, "time": time}, ("jump", "time"), linear=("jump",)) for time in times]
 
 

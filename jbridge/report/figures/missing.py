@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
+from ...diagnosis.describe import most_telling
 from ...diagnosis.result import Likeness, MissingForce
 from ...identify.result import Trace
 from ..quantities import pretty_unit
@@ -56,7 +57,7 @@ def draw_missing(
     factor = 1e3 if axis == "psi" else 1.0
     quantity, unit = _QUANTITY[axis]
     widest = max(float(force.std.max()) for force, _ in pairs)
-    best = max(likeness.by, key=lambda key: likeness.by[key]).partition(",")[0]
+    best = most_telling(likeness.by).partition(",")[0]
     variables = list(dict.fromkeys([best, axis, f"v_{axis}"]))[:2]
     shown, _ = max(pairs, key=lambda pair: float(np.mean(pair[0].mean ** 2)))
 
