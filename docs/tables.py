@@ -9,6 +9,8 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+FIRST_ONLY = {"concealed-table"}
+"""Pages of several sections of which the README has the first."""
 
 
 def main() -> None:
@@ -26,7 +28,10 @@ def with_tables(text: str) -> str:
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, rest = text.split(begin)
         # In the README a table's headings stand below the section's.
-        content = re.sub(r"^(#+ )", r"##\1", source.read_text(encoding="utf-8").strip(), flags=re.MULTILINE)
+        content = source.read_text(encoding="utf-8").strip()
+        if name in FIRST_ONLY:
+            content = content.split("\n## ")[0].strip()
+        content = re.sub(r"^(#+ )", r"##\1", content, flags=re.MULTILINE)
         content = re.sub(r"\]\(([\w-]+\.md)\)", r"](figures/\1)", content)
         text = f"{before}{begin}\n\n{content}\n\n{end}{rest.split(end)[1]}"
     return text
