@@ -54,6 +54,8 @@ def repeating_share(
         total, foreseen = _foreseen(measured, axis)
         expected, blurred = _foreseen(simulated, axis)
         if total > expected:
+            # Rougher motion is blurred more, in the proportion in which smooth motion is.
+            blurred *= total / max(expected, 1e-300)
             shares[axis] = float(np.clip((foreseen - max(blurred, 0.0)) / (total - expected), 0.0, 1.0))
     return shares
 
