@@ -6,6 +6,7 @@ from pathlib import Path
 os.environ["MPLBACKEND"] = "Agg"  # for the commands that tests start, too
 
 import jax
+import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -14,3 +15,15 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 _caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 jax.config.update("jax_compilation_cache_dir", str(_caches / "jbridge" / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+MAPS = Path("/proc/self/maps")
+MOST_MAPS = 20_000
+"""Every compiled program takes some memory maps, of which Linux gives a process 65,530: then loading one aborts."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_memory_maps():
+    """Drops the programs of finished modules when there are many; whoever needs one again reads it from the cache."""
+    yield
+    if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
+        jax.clear_caches()

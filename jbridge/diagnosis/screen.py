@@ -30,6 +30,8 @@ _MANY = 16
 """Seeds of one effect above which only the best few are weighed beside the other effects."""
 _SEEDS = 4
 """How many."""
+_COARSE = 8
+"""Of an effect that has many seeds, one in so many takes part in the question what could be learned."""
 _KEPT = 30
 """Explanations that stay in play after the first has been chosen."""
 _TRUSTED = 0.7
@@ -102,8 +104,9 @@ def screen(
     """
     base = len(free)
     told = Tangents(engine, batch, vector, free, extra, initial)
-    effects = [*_promising(told, [c for c in found if c.kind != WRONG_VALUE]), *unnamed]
+    plain, picked, coarse = _promising(told, [c for c in found if c.kind != WRONG_VALUE])
     numbers = [c for c in found if c.kind == WRONG_VALUE]
+    effects = [*picked, *plain, *coarse, *unnamed]
     columns = [*told.effects(effects), *told.numbers()]
     everything = [*effects, *numbers]
     normal = told.normal(columns)
@@ -111,19 +114,20 @@ def screen(
     names = tuple(engine.table.entry(int(place)).name for place in free)
     ranked: list[Screened] = []
     groups = _groups(told, everything, columns)
-    for candidate, group in zip(everything, groups, strict=True):
-        if candidate not in unnamed:
+    for i, (candidate, group) in enumerate(zip(everything, groups, strict=True)):
+        if i < len(picked) + len(plain) or i >= len(effects):
             step = whole.step(*group)
             cost = whole.after(group[0], step)
             gain = 1.0 - cost / max(whole.cost, 1e-300)
             ranked.append(Screened(candidate, cost, gain, names, step[:base], step[base:]))
-    learnable = _learnable(normal, groups, batch, base)
+    # What was picked from all recordings would foresee the one that is left out.
+    learnable = _learnable(normal, groups[len(picked) :], batch, base)
     ranked.sort(key=lambda s: s.cost)
     return Screen(ranked, learnable)
 
 
-def _promising(told: Tangents, found: Sequence[Candidate]) -> list[Candidate]:
-    """The same without the seeds of an effect that has many, but for the few that gain most on their own.
+def _promising(told: Tangents, found: Sequence[Candidate]) -> tuple[list[Candidate], list[Candidate], list[Candidate]]:
+    """Seeds of effects that have few; of those that have many the few that gain most; and some of these regardless.
 
     A wave of another length or a push at another time must be looked for closely, for between two seeds it hides. To
     weigh all seeds of all effects together would take the square of their number.
@@ -131,14 +135,18 @@ def _promising(told: Tangents, found: Sequence[Candidate]) -> list[Candidate]:
     families: dict[tuple[str, str], list[Candidate]] = {}
     for candidate in found:
         families.setdefault(candidate.name, []).append(candidate)
+    plain: list[Candidate] = []
     kept: list[Candidate] = []
+    coarse: list[Candidate] = []
     for seeds in families.values():
         if seeds[0].kind == Wind.kind:
-            kept += [*gusts(told, seeds[0], _SEEDS), seeds[0]]
+            kept += gusts(told, seeds[0], _SEEDS)
+            plain += seeds
             continue
         if len(seeds) <= _MANY:
-            kept += seeds
+            plain += seeds
             continue
+        coarse += seeds[_COARSE // 2 :: _COARSE]
         columns = told.effects(seeds)
         costs: list[float] = []
         for a in range(0, len(seeds), _MANY):
@@ -147,7 +155,7 @@ def _promising(told: Tangents, found: Sequence[Candidate]) -> list[Candidate]:
             groups = _groups(told, seeds[some], columns[some])
             costs += [whole.after(group[0], whole.step(*group)) for group in groups]
         kept += [seeds[i] for i in np.argsort(costs, kind="stable")[:_SEEDS]]
-    return kept
+    return plain, kept, coarse
 
 
 def _groups(told: Tangents, found: Sequence[Candidate], columns: Sequence[NDArray[np.float64]]) -> list[tuple]:
