@@ -5,8 +5,6 @@ written; 130 when interrupted. Everything else is a bug and shows its traceback.
 """
 
 import argparse
-import contextlib
-import ctypes
 import os
 import shutil
 import sys
@@ -18,8 +16,6 @@ from typing import NoReturn
 import jbridge
 from jbridge import InputError
 
-_M_ARENA_MAX = -8
-"""glibc's name for its number of heaps, from malloc.h."""
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
 _OUT = "folder for the results; files in it are replaced one by one"
@@ -98,7 +94,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             # A terminal that lacks a sign such as the degree's gets another one instead of an error.
             stream.reconfigure(errors="replace")
-    _spare_memory()
     progress = _Progress()
     try:
         arguments = _parser().parse_args(argv)
@@ -119,16 +114,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     finally:
         progress.clear()
-
-
-def _spare_memory() -> None:
-    """Has glibc keep one heap for all threads.
-
-    The compiler's threads leave large ones behind, each in a heap of its own: a diagnosis that compiles everything took
-    3.5 GB in place of 2.9 GB, and no less time.
-    """
-    with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library has no such thing
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
