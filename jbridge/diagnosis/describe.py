@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .repeats import hats
 from .result import Likeness
 
 INPUT_OF = {"x": "u_x", "psi": "u_x", "l": "u_l"}
@@ -164,8 +165,7 @@ def _hats(
     """Hat functions of a variable; none where it does not change."""
     if not high > low:
         return [np.zeros((len(t.times), 0)) for t in tracks]
-    scaled = [np.clip((pick(t) - low) / (high - low) * (count - 1), 0.0, count - 1.0) for t in tracks]
-    return [np.maximum(0.0, 1.0 - np.abs(s[:, None] - np.arange(count))) for s in scaled]
+    return [hats(pick(t), np.linspace(low, high, count)) for t in tracks]
 
 
 def _beside(*features: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
@@ -178,12 +178,12 @@ def _either_way(tracks: Sequence[Track], name: str) -> tuple[list[NDArray[np.flo
     def pick(track: Track) -> NDArray[np.float64]:
         return track.others[name]
 
-    hats = _hats(tracks, pick, *_span(tracks, pick), _VALUES)
-    return hats, _turned(hats, tracks)
+    even = _hats(tracks, pick, *_span(tracks, pick), _VALUES)
+    return even, _turned(even, tracks)
 
 
-def _turned(hats: list[NDArray[np.float64]], tracks: Sequence[Track]) -> list[NDArray[np.float64]]:
-    return [part * np.sign(t.v)[:, None] for part, t in zip(hats, tracks, strict=True)]
+def _turned(even: list[NDArray[np.float64]], tracks: Sequence[Track]) -> list[NDArray[np.float64]]:
+    return [part * np.sign(t.v)[:, None] for part, t in zip(even, tracks, strict=True)]
 
 
 def _since_reversal(track: Track, span: float) -> NDArray[np.float64]:
@@ -193,10 +193,8 @@ def _since_reversal(track: Track, span: float) -> NDArray[np.float64]:
     last = np.searchsorted(turned, np.arange(len(sign)), side="right")
     origin = track.q[np.concatenate([[0], turned])[last]]
     away = np.abs(track.q - origin) / max(span, 1e-12)
-    knots = np.array(_SINCE)
-    at = np.interp(away, knots, np.arange(len(knots)))
-    hats = np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))
-    return np.asarray(hats * sign[:, None])
+    places = np.arange(len(_SINCE), dtype=float)  # uneven knots, taken to even ones
+    return hats(np.interp(away, np.array(_SINCE), places), places) * sign[:, None]
 
 
 def _fit(tables: Sequence[NDArray[np.float64]], tracks: Sequence[Track]) -> NDArray[np.float64]:

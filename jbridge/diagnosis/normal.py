@@ -68,7 +68,14 @@ class Tangents:
         extra: NDArray[np.int64],
         initial: NDArray[np.float64],
     ):
-        """Args: as `screen` has them."""
+        """Args:
+        engine: of the base model.
+        batch: lanes.
+        vector: the base model's parameters.
+        free: places of its free parameters.
+        extra: places of known numbers that may be wrong.
+        initial: initial states of the lanes at the base fit.
+        """
         self.engine = engine
         self.batch = batch
         self.vector = vector

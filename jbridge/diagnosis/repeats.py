@@ -131,13 +131,14 @@ def _features(b: Balance, axis: str, edges: Mapping[str, NDArray[np.float64]]) -
     """Hat functions of every variable; of the place, also with the direction's sign."""
     parts = []
     for name, knots in edges.items():
-        hats = _hats(_values(b, name), knots)
-        parts.append(hats)
+        own = hats(_values(b, name), knots)
+        parts.append(own)
         if name == axis:
-            parts.append(hats * np.sign(b.v[axis])[:, None])
+            parts.append(own * np.sign(b.v[axis])[:, None])
     return np.concatenate(parts, axis=1)
 
 
-def _hats(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
+def hats(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Hat functions of a variable over evenly spaced knots: `(value, knot)`; beyond its ends the last one stays 1."""
     at = np.clip((values - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
     return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))

@@ -80,30 +80,16 @@ class Screen:
     learnable: float
 
 
-def screen(
-    engine: Engine,
-    batch: Batch,
-    vector: NDArray[np.float64],
-    free: NDArray[np.int64],
-    extra: NDArray[np.int64],
-    initial: NDArray[np.float64],
-    found: Sequence[Candidate],
-    unnamed: Sequence[Candidate],
-) -> Screen:
+def screen(told: Tangents, found: Sequence[Candidate], unnamed: Sequence[Candidate]) -> Screen:
     """Ranks all candidates without a hidden coordinate.
 
     Args:
-        engine: of the base model.
-        batch: lanes.
-        vector: the base model's parameters.
-        free: places of its free parameters.
-        extra: places of known numbers that may be wrong, one for each `wrong_value` candidate in order.
-        initial: initial states of the lanes at the base fit.
+        told: the base model along its trajectories, with a column for each `wrong_value` candidate, in order.
         found: candidates.
         unnamed: forces without a name, for the question what could be learned.
     """
+    engine, batch, free = told.engine, told.batch, told.free
     base = len(free)
-    told = Tangents(engine, batch, vector, free, extra, initial)
     plain, picked, coarse = _promising(told, [c for c in found if c.kind != WRONG_VALUE])
     numbers = [c for c in found if c.kind == WRONG_VALUE]
     effects = [*picked, *plain, *coarse, *unnamed]

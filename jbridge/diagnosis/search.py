@@ -18,6 +18,7 @@ from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import ADDED_LEVELS, anchored, settle_levels
+from .normal import Tangents
 from .screen import Screen, Screened, screen
 from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, transfer
 
@@ -109,16 +110,9 @@ class Search:
         unnamed = unnamed_forces(self.setting, scene)
         extra = [state.engine.table.positions(c.site)[0] for c in found if c.kind == WRONG_VALUE]
         self.progress(f"screening {len({c.name for c in found})} explanations from {len(found)} starts")
-        return screen(
-            state.engine,
-            state.batch,
-            state.vector,
-            state.free,
-            np.array(extra, np.int64),
-            state.initial,
-            found,
-            unnamed,
-        )
+        numbers = np.array(extra, np.int64)
+        told = Tangents(state.engine, state.batch, state.vector, state.free, numbers, state.initial)
+        return screen(told, found, unnamed)
 
     def refit(self, state: State, screened: Screen, done: Sequence[Trial] = ()) -> list[Trial]:
         """Full refits, by simulation, of the best candidates that are not `done` yet.

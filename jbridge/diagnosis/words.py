@@ -199,15 +199,14 @@ def verdict_sentence(
             )
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
+    like = f" {location.likeness.statement}" if location.likeness is not None and location.likeness.statement else ""
     if unproven:
         return (
             f"Something repeatable is missing at the {where}, but no explanation holds: what explains these recordings "
-            f"leaves errors of {_times(proof.after)} times the noise on the hold-out, in {proof.measure}."
-            + (f" {location.likeness.statement}" if location.likeness and location.likeness.statement else "")
+            f"leaves errors of {_times(proof.after)} times the noise on the hold-out, in {proof.measure}.{like}"
         )
     found = " What was found explains a part of it only." if effects else ""
-    if location.likeness is not None and location.likeness.statement:
-        found += f" {location.likeness.statement}"
+    found += like
     if curve:
         found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."
     return (

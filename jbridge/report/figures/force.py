@@ -7,18 +7,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
+from ...diagnosis.describe import INPUT_OF
 from ...diagnosis.result import Region
 from ...identify.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
 from .style import AFTER, BEFORE, SHADE, Picture, picture
 
-_FORCES = {
+FORCES = {
     "x": ("force on the cart", "N"),
     "psi": ("torque on the swing", "N m"),
     "l": ("force along the rope", "N"),
 }
-_INPUT_OF = {"x": "u_x", "psi": "u_x", "l": "u_l"}
 _MOST_POINTS = 4000
 _MOST_PANELS = 4
 _BINS = 36
@@ -49,12 +49,12 @@ def draw_force(
         None where no recording has a force on that axis.
     """
     regions = list(where)
-    variables = [axis, f"v_{axis}", _INPUT_OF[axis], *(region.variable for region in regions)]
+    variables = [axis, f"v_{axis}", INPUT_OF[axis], *(region.variable for region in regions)]
     tables = {variable: _pool(traces, axis, variable) for variable in dict.fromkeys(variables)}
     panels = [(variable, table) for variable, table in tables.items() if table is not None][:_MOST_PANELS]
     if not panels:
         return None
-    quantity, unit = _FORCES[axis]
+    quantity, unit = FORCES[axis]
     columns = 2 if len(panels) in (2, 4) else len(panels)
     rows = -(-len(panels) // columns)
 
@@ -91,7 +91,7 @@ def _pool(traces: Sequence[Trace], axis: str, variable: str) -> tuple[Points, Po
     """A variable, and the force before and after, over all recordings; None where that cannot be drawn."""
     pooled: list[tuple[Points, Points, Points]] = []
     for trace in traces:
-        values = _values(trace, variable)
+        values = values_of(trace, variable)
         if values is None or axis not in trace.force_before:
             continue
         before = trace.force_before[axis]
@@ -104,7 +104,7 @@ def _pool(traces: Sequence[Trace], axis: str, variable: str) -> tuple[Points, Po
     return (values, before, after) if values.size > _LEAST_IN_BIN and np.ptp(values) > 0 else None
 
 
-def _values(trace: Trace, variable: str) -> Points | None:
+def values_of(trace: Trace, variable: str) -> Points | None:
     """A variable over time, angles in degrees."""
     if variable == "t":
         return trace.times

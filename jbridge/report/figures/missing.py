@@ -12,13 +12,9 @@ from ...diagnosis.result import Likeness, MissingForce
 from ...identify.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
+from .force import FORCES, values_of
 from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, Picture, picture, shortened
 
-_QUANTITY = {
-    "x": ("force on the cart", "N"),
-    "psi": ("torque on the swing", "mN m"),
-    "l": ("force along the rope", "N"),
-}
 _BINS = 30
 _LEAST_IN_BIN = 12
 _MOST_POINTS = 4000
@@ -54,8 +50,10 @@ def draw_missing(
     pairs = [(force, trace) for force, trace in pairs if len(force.times) > 1]
     if not pairs:
         return None
-    factor = 1e3 if axis == "psi" else 1.0
-    quantity, unit = _QUANTITY[axis]
+    quantity, unit = FORCES[axis]
+    factor = 1.0
+    if axis == "psi":  # a torque on a load of some hundred grams
+        factor, unit = 1e3, f"m{unit}"
     widest = max(float(force.std.max()) for force, _ in pairs)
     best = most_telling(likeness.by).partition(",")[0]
     variables = list(dict.fromkeys([best, axis, f"v_{axis}"]))[:2]
@@ -122,8 +120,5 @@ def _at(force: MissingForce, trace: Trace, variable: str) -> Points:
     """A variable at the force's times, angles in degrees."""
     if variable == "t":
         return force.times
-    source = trace.inputs if variable.startswith("u_") else trace.coordinates
-    if variable.startswith("v_"):
-        source = trace.velocities
-    values = source.get(variable.removeprefix("v_"), np.zeros_like(trace.times))
-    return np.interp(force.times, trace.times, values) * (180 / np.pi if variable.endswith("psi") else 1.0)
+    values = values_of(trace, variable)
+    return np.zeros_like(force.times) if values is None else np.interp(force.times, trace.times, values)
