@@ -182,9 +182,12 @@ class Interval(NamedTuple):
     mean: Axes
     """Inputs behind the chains' memoryless parts and delays: see `Drives`."""
     early: Axes
-    left_half: Axes
-    """How much of each lag's distance to its target is left after half a step, and after a step."""
-    left_whole: Axes
+    left: Axes
+    """How much of each lag's distance to its target is left after the step,"""
+    left_mean: Axes
+    """how much is left in the mean over it,"""
+    left_early: Axes
+    """and in the mean weighted by the time left."""
 
 
 def prepare(plant: Plant, initial: Float[Array, " state"], lane: Lane, substeps: int) -> tuple[Motions, Interval]:
@@ -209,14 +212,18 @@ def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[
     steps = steps[lane.before.shape[0] :]
     h = jnp.diff(steps, axis=1)
 
-    half = Axes(*(jnp.exp(-0.5 * h / jnp.maximum(constant, 1e-9)) for constant in constants))
-    whole = Axes(*(left * left for left in half))
+    # A lag shorter than a step is as exact as a long one if what counts are its means.
+    ratios = [h / jnp.maximum(constant, 1e-15) for constant in constants]
+    whole = [jnp.where(ratio > 0, ratio, 1.0) for ratio in ratios]
+    left = Axes(*(jnp.exp(-ratio) for ratio in ratios))
+    mean = Axes(*(-jnp.expm1(-ratio) / ratio for ratio in whole))
+    early = Axes(*(2.0 * (1.0 - m) / ratio for ratio, m in zip(whole, mean, strict=True)))
 
     def held(inputs: Float[Array, "time step 2"]) -> Axes:
         return Axes(inputs[:, :, 0], jnp.zeros_like(h), inputs[:, :, 1])
 
     number = jnp.arange(h.shape[0])
-    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), half, whole)
+    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left, mean, early)
     return told, drives.lags
 
 
@@ -235,7 +242,6 @@ def advance(
     With `reverse`, stages are a loop, each of which the backward pass computes anew from its positions and velocities:
     that is less work than to write all of a stage to memory and to read it back. Forward, the loop is slower.
     """
-    constants = plant.time_constants()
     presliding = plant.only(PreslidingFriction)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
@@ -245,17 +251,17 @@ def advance(
         drum = plant.drum_gain(carry.q.l)
         target, first_target = (held._replace(l=held.l * drum) for held in (now.mean, now.early))
 
-        def lag_at(node: float, lead: float = 0.0) -> Axes:
-            if node == 0.0:
-                lagging = carry.lag
-            else:
-                rest = now.left_half if node == 0.5 else now.left_whole
-                lagging = Axes(*(g + (s - g) * r for g, s, r in zip(target, carry.lag, rest, strict=True)))
-            if lead == 0.0 and node > 0.0:
-                return lagging
-            # With no lag the drive follows at once, from the step's first instant.
-            at_once = (g + lead * (e - g) for g, e in zip(target, first_target, strict=True))
-            return Axes(*(jnp.where(c > 0, s, g) for c, s, g in zip(constants, lagging, at_once, strict=True)))
+        # With no lag the drive follows at once, from the step's first instant, and with a short one almost.
+        lagging = [g + (s - g) * left for g, s, left in zip(target, carry.lag, now.left_mean, strict=True)]
+        at_first = [
+            g + (e - g) * (1.0 - left) + (s - g) * left
+            for g, e, s, left in zip(target, first_target, carry.lag, now.left_early, strict=True)
+        ]
+
+        def volts_at(lead: float) -> Axes:
+            if lead == 0.0:
+                return Axes(*lagging)
+            return Axes(*(mean + lead * (early - mean) for mean, early in zip(lagging, at_first, strict=True)))
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             begun = (carry.q, carry.v)
@@ -271,7 +277,7 @@ def advance(
         at = _Stage(carry.q, carry.v, carry.z, *still)
         nodes, weights, leads = method.nodes, method.weights, method.leads
         reaches = (*nodes[1:], 0.0)
-        volts = [lag_at(node, lead) for node, lead in zip(nodes, leads, strict=True)]
+        volts = [volts_at(lead) for lead in leads]
         parts = [_Part(*numbers) for numbers in zip(nodes, weights, reaches, volts, strict=True)]
         if reverse:
             rows = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf, h.dtype) for leaf in leaves]), *parts)
@@ -283,7 +289,8 @@ def advance(
         z_next = carry.z
         if presliding is not None and carry.z is not None:
             z_next = presliding.deflection(carry.z, 0.5 * (carry.v.at_drives().x + v_next.at_drives().x), h)
-        return Motions(q_next, v_next, lag_at(1.0), z_next), None
+        lag = Axes(*(g + (s - g) * left for g, s, left in zip(target, carry.lag, now.left, strict=True)))
+        return Motions(q_next, v_next, lag, z_next), None
 
     steps = now._replace(number=jnp.zeros_like(now.h, dtype=now.number.dtype))
     if now.h.shape[0] == 1:  # a loop over one step would only be traced and transformed for nothing
