@@ -384,3 +384,22 @@ def test_table_lists_the_misses_by_name():
     page = tables.table({"dev": half})
     assert "`missed`" in page and "`case`" not in page
     assert "detected where the base model's hold-out error is >= 5 noise | >= 98 % | 50 % (1/2" in page
+
+
+def test_ablations_compare_the_same_cases():
+    answer = report_of("missing_physics", effects=[("input_delay", "cart_drive", {"delay": 0.02})])
+    right = score(truth_of([DELAY]), answer) | {"id": "a", "wall": 3.0, "p_value": 0.005}
+    wrong = score(truth_of([DELAY]), report_of("adequate", "none")) | {"id": "a", "wall": 5.0, "p_value": 0.5}
+    rows = [right | {"without": "nothing"}, wrong | {"without": "seeds"}, wrong | {"id": "b", "without": "nothing"}]
+    whole, less = tables.without_parts(rows)[-2:]
+    assert whole.startswith("| nothing | 1 | 100 % (1/1") and whole.endswith("| 3 |")
+    assert less.startswith("| seeds | 1 | 0 % (0/1") and less.endswith("| 5 |")
+
+
+def test_ablations_are_asked_where_they_can_matter():
+    ablations = importlib.import_module("ablations")
+    truths = {name: truth for half in ("dev", "proof") for name, truth in cases.cases(half).items()}
+    many, single, none = (ablations.asked(part, truths) for part in ("rescreening", "seeds", "bootstrap"))
+    assert len(many) == 10 and all(len(truths[name]["concealed"]) > 1 for name in many)
+    assert len(single) == 14 and {truths[name]["half"] for name in single} == {"dev"}
+    assert len(none) == 12 and not any(truths[name]["concealed"] for name in none)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from ..identify.base import channel_errors
 from ..identify.lanes import Batch
@@ -63,10 +64,17 @@ def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, w
     return last <= LARGE or last - 1.0 <= (1.0 - PROVEN) * (first - 1.0)
 
 
-def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) -> float:
+def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0, *, draws: bool = True) -> float:
     """Chance of so much structure in the residuals if their signs were free every tenth of a second.
 
     The recorded input is held, since a controller that may have made it is not known.
+
+    Args:
+        batch: whole recordings.
+        predicted: what the model says of them [m, rad, m].
+        seed: of the draws.
+        draws: False takes the distribution for many independent blocks instead (Ljung and Box, Biometrika 65, 1978),
+            of the channel that is least likely.
     """
     weight = np.asarray(batch.lanes.weight)
     residual = (predicted - np.asarray(batch.lanes.y)) * weight
@@ -77,6 +85,9 @@ def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) ->
     sums = residual[:, : blocks * block].reshape(len(residual), blocks, block, 3).sum(axis=2)
     span = max(2, round(_SPAN / (block * period)))
     rng = np.random.default_rng(seed)
+
+    if not draws:
+        return _ljung_box(sums, span)
 
     def statistic(values: NDArray[np.float64]) -> float:
         # Squared, so that a swing that falls behind counts as well as a cart that drifts.
@@ -91,3 +102,18 @@ def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0) ->
         signs = rng.choice((-1.0, 1.0), size=(*sums.shape[:2], 1))
         above += statistic(sums * signs) >= own
     return (1 + above) / (1 + _DRAWS)
+
+
+def _ljung_box(sums: NDArray[np.float64], span: int) -> float:
+    """The chance for the least likely channel, with Bonferroni's allowance for their number."""
+    least, channels_seen = 1.0, 0
+    for values in np.moveaxis(sums, 2, 0):
+        power = float((values**2).sum())
+        if power == 0.0:
+            continue
+        count = int(np.count_nonzero(values))
+        lags = range(1, min(span, values.shape[1] - 1) + 1)
+        together = [float((values[:, k:] * values[:, :-k]).sum()) / power for k in lags]
+        q = count * (count + 2) * sum(r**2 / max(count - k, 1) for k, r in zip(lags, together, strict=True))
+        least, channels_seen = min(least, float(chi2.sf(q, len(lags)))), channels_seen + 1
+    return min(1.0, least * max(channels_seen, 1))

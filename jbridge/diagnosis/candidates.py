@@ -84,8 +84,18 @@ def has_hidden_state(kind: str) -> bool:
     return cls is not None and issubclass(cls, AbstractMechanism | PreslidingFriction)
 
 
-def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scene) -> list[Candidate]:
-    """All candidates that the plant does not have yet and that the recordings have the parts for."""
+def candidates(
+    plant: Plant, known: Iterable[str], setting: Setting, scene: Scene, *, one_seed: bool = False
+) -> list[Candidate]:
+    """All candidates that the plant does not have yet and that the recordings have the parts for.
+
+    Args:
+        plant: the model.
+        known: parameters that are not estimated.
+        setting: recordings and noise.
+        scene: what seeds go by.
+        one_seed: whether every effect starts from one place alone, the middle one of its seeds.
+    """
     present = {(effect.kind, effect.site) for effect in plant.effects}
     train = plant.drive_train
     found = []
@@ -95,8 +105,10 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
                 continue
             if train is not None and kind in ("belt_compliance", "backlash"):
                 continue
-            for seed in cls.seeds(site, scene):
-                found.append(_candidate(kind, site, seed))
+            seeds = list(cls.seeds(site, scene))
+            if one_seed:
+                seeds = seeds[len(seeds) // 2 :][:1]
+            found += [_candidate(kind, site, seed) for seed in seeds]
     for number in _RIVAL_NUMBERS:
         if number in known and _matters(number, setting):
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))

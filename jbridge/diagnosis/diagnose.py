@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -39,7 +39,7 @@ from .missing import missing_forces
 from .repeats import repeating_share
 from .result import Adequacy, Diagnosis, Former, NamedEffect
 from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
-from .search import Search
+from .search import BOOTSTRAP, PARTS, Search
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State
 from .words import Proof, verdict_sentence
@@ -52,6 +52,7 @@ def diagnose(
     *,
     new: Sequence[Recording] = (),
     former: Former | None = None,
+    leave_out: Collection[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Finds out whether a model lacks physics, where, and which.
@@ -63,6 +64,8 @@ def diagnose(
             (of the time, if there is one recording) plays that part, and the report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
+        leave_out: of "rescreening", "seeds" and "bootstrap", what is done without, to measure what it is worth:
+            screening anew after each acceptance, more than one seed of an effect, and a significance from drawn signs.
         progress: told what goes on, a short text at a time.
 
     Returns:
@@ -70,7 +73,10 @@ def diagnose(
 
     Raises:
         InputError: model and recordings do not go together.
+        ValueError: `leave_out` names something else.
     """
+    if unheard := set(leave_out) - set(PARTS):
+        raise ValueError(f"a diagnosis can do without {', '.join(PARTS)}, and not without {', '.join(sorted(unheard))}")
     begun = time.perf_counter()
     tell = progress or (lambda text: None)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
@@ -85,11 +91,13 @@ def diagnose(
     base_plant = base.engine.table.unravel(base.vector)
     width = columns_for(len(base.free))
     found = channels(base.free_run, base.fits.gram.predicted[0], setting.noise)
-    p_value = significance(base.free_run, base.fits.gram.predicted[0])
+    drawn = BOOTSTRAP not in leave_out
+    p_value = significance(base.free_run, base.fits.gram.predicted[0], draws=drawn)
     large = is_large(found)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
-    search = Search(plant, model.known, setting, window, progress, former.names if former else frozenset())
+    insist = former.names if former else frozenset()
+    search = Search(plant, model.known, setting, window, progress, insist, frozenset(leave_out))
     explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after

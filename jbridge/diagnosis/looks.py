@@ -20,12 +20,12 @@ from ..identify.base import columns_for, measurements
 from ..identify.evaluate import START
 from ..identify.lanes import Batch
 from ..identify.linearise import Gram
-from ..identify.setting import lanes_for, scene_of
+from ..identify.setting import lanes_for
 from ..identify.solve import solve
 from ..identify.uncertainty import correlation_time, inverse_normal
 from ..model.effects.base import parameters_of
 from ..model.effects.catalogue import KINDS
-from .candidates import WRONG_VALUE, Candidate, candidates
+from .candidates import WRONG_VALUE, Candidate
 from .normal import Tangents
 from .responses import Cut, simulated, with_weaker
 from .search import Search
@@ -107,9 +107,8 @@ def look(search: Search, state: State) -> list[Look]:
 
 def _seeds(search: Search, state: State) -> tuple[list[Candidate], list[Candidate], list[list[Candidate]]]:
     """Effects whose response is linear or has a column, known numbers, and effects that must be simulated."""
-    scene = scene_of(search.setting, state.plant)
     named = {accepted.name for accepted in state.accepted}
-    found = [c for c in candidates(state.plant, state.known, search.setting, scene) if c.name not in named]
+    found = [c for c in search.candidates(state) if c.name not in named]
     with_null = {c.name for c in found if not c.finite}
     finite: dict[tuple[str, str], list[Candidate]] = {}
     for c in found:

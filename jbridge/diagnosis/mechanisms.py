@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from ..identify.base import WINDOW, columns_for, measurements
 from ..identify.linearise import Engine
-from ..identify.setting import lanes_for, scene_of
+from ..identify.setting import lanes_for
 from ..identify.solve import solve
 from ..recordings import Recording
-from .candidates import Candidate, candidates
+from .candidates import Candidate
 from .search import Search
 from .trials import State, Trial
 
@@ -32,9 +32,8 @@ class _Contest:
 
 def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None) -> list[Trial]:
     """Refits of the effects (or of `only` one) that no linear screen can weigh, from several seeds."""
-    scene = scene_of(search.setting, state.plant)
     found: dict[tuple[str, str], list[Candidate]] = {}
-    for c in candidates(state.plant, state.known, search.setting, scene):
+    for c in search.candidates(state):
         if c.unscreened and only in (None, c.name):
             found.setdefault(c.name, []).append(c)
     search.progress(f"refitting {len(found)} explanations with a hidden state")

@@ -31,6 +31,10 @@ _HOPELESS = 4.0
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
 
+RESCREENING, SEEDS, BOOTSTRAP = PARTS = ("rescreening", "seeds", "bootstrap")
+"""What a diagnosis can do without, to measure what it is worth: screening anew after each acceptance, more than one
+seed of an effect, and significance from drawn signs in place of Ljung's and Box's limit."""
+
 
 def state_of(
     engine: Engine, batch: Batch, fits: Fits, known: frozenset[str], accepted: tuple[Candidate, ...] = ()
@@ -65,6 +69,7 @@ class Search:
         window: float | None,
         progress: Callable[[str], None] | None = None,
         insist: frozenset[tuple[str, str]] = frozenset(),
+        leave_out: frozenset[str] = frozenset(),
     ):
         """Args:
         given: the model as given.
@@ -73,6 +78,7 @@ class Search:
         window: length of the windows that are compared [s]; None compares whole recordings.
         progress: told what goes on.
         insist: kinds and sites of explanations that are refitted whatever is expected of them.
+        leave_out: of `PARTS`, what the search does without.
         """
         self.given = given
         self.known = known
@@ -80,10 +86,23 @@ class Search:
         self.window = window
         self.progress = progress or (lambda text: None)
         self.insist = insist
+        self.leave_out = leave_out
+        self._first: Screen | None = None
+
+    def candidates(self, state: State) -> list[Candidate]:
+        """What may be missing beside a state's model, and where to start looking."""
+        scene = scene_of(self.setting, state.plant)
+        return candidates(state.plant, state.known, self.setting, scene, one_seed=SEEDS in self.leave_out)
 
     def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden state, on the state's own lanes."""
-        return self._screen(state)
+        if RESCREENING not in self.leave_out:
+            return self._screen(state)
+        if self._first is None:
+            self._first = self._screen(state)
+        done = {accepted.name for accepted in state.accepted}
+        left = [item for item in self._first.ranked if item.candidate.name not in done]
+        return dataclasses.replace(self._first, ranked=left)
 
     def look_closer(self, state: State, whole: Screen) -> Screen:
         """Screens again on windows, and merges the rankings.
@@ -100,14 +119,9 @@ class Search:
         return Screen(_merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
 
     def _screen(self, state: State) -> Screen:
-        scene = scene_of(self.setting, state.plant)
         done = {a.name for a in state.accepted}
-        found = [
-            c
-            for c in candidates(state.plant, state.known, self.setting, scene)
-            if not c.unscreened and c.name not in done
-        ]
-        unnamed = unnamed_forces(self.setting, scene)
+        found = [c for c in self.candidates(state) if not c.unscreened and c.name not in done]
+        unnamed = unnamed_forces(self.setting, scene_of(self.setting, state.plant))
         extra = [state.engine.table.positions(c.site)[0] for c in found if c.kind == WRONG_VALUE]
         self.progress(f"screening {len({c.name for c in found})} explanations from {len(found)} starts")
         numbers = np.array(extra, np.int64)

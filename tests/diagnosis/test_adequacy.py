@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from jbridge.diagnosis.adequacy import LARGE, SIGNIFICANT, carries_over, channels, is_large, significance
 from jbridge.identify.lanes import make_batch
@@ -32,16 +33,30 @@ def white(seed):
     return NOISE["x"] * np.random.default_rng(seed).standard_normal((3, len(TIMES)))
 
 
-def test_white_residuals_are_rarely_significant(batch):
-    found = [significance(batch, predicted(batch, white(seed))) for seed in range(20)]
+@pytest.mark.parametrize("draws", [True, False])
+def test_white_residuals_are_rarely_significant(batch, draws):
+    found = [significance(batch, predicted(batch, white(seed)), draws=draws) for seed in range(20)]
     # Under the null the chance of one among twenty at 0.01 is a fifth, of two one in sixty.
     assert sum(p <= SIGNIFICANT for p in found) <= 1
     assert 0.2 < np.mean(found) < 0.8
 
 
-def test_a_slow_error_is_significant(batch):
+@pytest.mark.parametrize("draws", [True, False])
+def test_a_slow_error_is_significant(batch, draws):
     drift = NOISE["x"] * np.sin(2 * np.pi * TIMES / 5.0)
-    assert significance(batch, predicted(batch, white(0) + drift)) <= SIGNIFICANT
+    assert significance(batch, predicted(batch, white(0) + drift), draws=draws) <= SIGNIFICANT
+
+
+def test_without_draws_it_is_ljungs_and_boxs_statistic(batch):
+    """One recording of white noise, with the sum over lags written out and SciPy's own distribution."""
+    noise = white(5)
+    noise[1:] = 0.0
+    left = (noise[0] / NOISE["x"])[:1200].reshape(120, 10).sum(axis=1)
+    # The row that is missed by nothing still counts no blocks, for there is nothing in it.
+    r = [np.sum(left[k:] * left[:-k]) / np.sum(left**2) for k in range(1, 11)]
+    q = 120 * 122 * sum(r[k - 1] ** 2 / (120 - k) for k in range(1, 11))
+    found = significance(batch, predicted(batch, noise), draws=False)
+    assert found == pytest.approx(stats.chi2.sf(q, 10), rel=1e-6)
 
 
 def test_an_error_that_noise_hides_is_not(batch):

@@ -99,3 +99,12 @@ def test_a_candidate_can_be_put_into_a_model(candidate):
     # Seeds start within the bounds of physics.
     low, high = table.bounds()
     assert np.all(vector[places] >= low[places]) and np.all(vector[places] <= high[places])
+
+
+def test_one_seed_leaves_every_effect_one_place_to_start():
+    setting = setting_of(*FULL)
+    scene = scene_of(setting, make_plant())
+    all_seeds = found_for(setting, make_plant())
+    alone = candidates(make_plant(), KNOWN, setting, scene, one_seed=True)
+    names = [c.name for c in alone]
+    assert len(names) == len(set(names)) < len(all_seeds) and set(names) == {c.name for c in all_seeds}

@@ -2,10 +2,16 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from jbridge import diagnose
+from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.holdout import split_off
+from jbridge.diagnosis.screen import Screen, Screened
+from jbridge.diagnosis.search import Search
+from jbridge.diagnosis.trials import State
+from jbridge.identify.setting import make_setting
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
 
@@ -115,3 +121,34 @@ def test_without_a_hold_out_the_last_quarter_is_one():
     assert len(first.times) + len(last.times) == len(runs[0].times)
     # Drift and wind go by the time since the run began.
     assert first.begun == 0.0 and last.begun == pytest.approx(4.5, abs=0.02)
+
+
+def test_only_parts_of_the_method_can_be_left_out():
+    runs = rig()
+    with pytest.raises(ValueError, match="can do without .*, and not without hold-out"):
+        diagnose(model(), runs, leave_out=("hold-out",))
+
+
+def test_without_rescreening_the_first_ranking_stands(monkeypatch):
+    nothing = np.zeros(0)
+    ranked = [
+        Screened(Candidate(kind, "cart", {}, (key,), False), 0.0, 0.0, (), nothing, nothing)
+        for kind, key in (("quadratic_drag", "coefficient"), ("constant_force", "level"))
+    ]
+    asked = []
+
+    def screen(search, state):
+        asked.append(state)
+        return Screen(ranked, 0.5)
+
+    monkeypatch.setattr(Search, "_screen", screen)
+    setting = make_setting(model(), rig(), ())
+    less, whole = (
+        Search(make_plant(), frozenset(), setting, None, leave_out=frozenset(part)) for part in (["rescreening"], [])
+    )
+    state = object.__new__(State)  # of a state only what was accepted matters here
+    object.__setattr__(state, "accepted", ())
+    assert less.look(state).ranked == ranked
+    object.__setattr__(state, "accepted", (ranked[0].candidate,))
+    assert less.look(state).ranked == ranked[1:] and len(asked) == 1
+    assert whole.look(state).ranked == ranked and len(asked) == 2
