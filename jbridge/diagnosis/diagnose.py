@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..identify.base import WINDOW, BaseFit, base_fit, check_runs, columns_for
+from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
 from ..identify.result import Errors
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
@@ -37,11 +37,12 @@ from .holdout import off_map, split_off
 from .limits import not_seen
 from .missing import missing_forces
 from .repeats import repeating_share
-from .result import Adequacy, Diagnosis, Former, NamedEffect
-from .rounds import DRIFTING, MOST_EFFECTS, accept_effects
+from .result import Adequacy, Channel, Diagnosis, Former, NamedEffect
+from .revise import SUPERFLUOUS
+from .rounds import DRIFTING, MOST_EFFECTS, Explained, accept_effects
 from .search import BOOTSTRAP, PARTS, Search
 from .tell import location_of, named_of, parameters_of, trials_of
-from .trials import EFFECTIVE, State
+from .trials import EFFECTIVE, State, transfer
 from .words import Proof, verdict_sentence
 
 
@@ -88,17 +89,20 @@ def diagnose(
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
     check_runs(base, recordings)
-    base_plant = base.engine.table.unravel(base.vector)
-    width = columns_for(len(base.free))
-    found = channels(base.free_run, base.fits.gram.predicted[0], setting.noise)
-    drawn = BOOTSTRAP not in leave_out
-    p_value = significance(base.free_run, base.fits.gram.predicted[0], draws=drawn)
-    large = is_large(found)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
     insist = former.names if former else frozenset()
     search = Search(plant, model.known, setting, window, progress, insist, frozenset(leave_out))
+    draws = BOOTSTRAP not in leave_out
+    found, p_value, large = _asked(base, setting, draws)
     explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
+    better = _as_good(base, explained) if large else None
+    if better is not None:
+        base = better
+        found, p_value, large = _asked(base, setting, draws)
+        explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
+    base_plant = base.engine.table.unravel(base.vector)
+    width = columns_for(len(base.free))
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
     badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
@@ -214,6 +218,27 @@ def diagnose(
     )
 
 
+def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:
+    """Errors of every channel, how likely so much structure is, and whether they are large."""
+    predicted = base.fits.gram.predicted[0]
+    found = channels(base.free_run, predicted, setting.noise)
+    return found, significance(base.free_run, predicted, draws=draws), is_large(found)
+
+
+def _as_good(base: BaseFit, explained: Explained) -> BaseFit | None:
+    """The model as given, if from the numbers found beside all effects it fits as well without any of them.
+
+    Then nothing was missing but a better start.
+    """
+    state = explained.state
+    if measurements(state.batch) != measurements(base.fitted):
+        return None
+    vector = transfer(state.engine.table, state.vector, base.engine.table, base.vector)
+    better = begun_anew(base, vector)
+    most = (1 + SUPERFLUOUS) * state.cost if explained.steps else (1 - SUPERFLUOUS) * float(base.fits.cost[0])
+    return better if float(better.fits.cost[0]) < most else None
+
+
 def _without(errors: Errors, axes: Sequence[str]) -> Errors:
     free_run, window = (
         {axis: e for axis, e in part.items() if axis not in axes} for part in (errors.free_run, errors.window)
@@ -226,8 +251,11 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
 
     On windows a missing force has pulled the parameters less far away than on whole recordings.
     """
-    plant = base.engine.table.unravel(base.window_vector)
-    predicted = np.asarray(base.engine.motions(base.window_vector, base.fits.initial[0], base.free_run)[1])
+    vector = base.window_vector
+    predicted = np.asarray(base.engine.motions(vector, base.fits.initial[0], base.free_run)[1])
+    if not np.isfinite(predicted).all():  # what fits windows may run away over a whole recording
+        vector, predicted = base.vector, base.fits.gram.predicted[0]
+    plant = base.engine.table.unravel(vector)
     shares = repeating_share(plant, setting.recordings, base.free_run, predicted, setting.noise)
     return max(shares.get(axis, 0.0) for axis in axes)
 

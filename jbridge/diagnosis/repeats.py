@@ -25,6 +25,10 @@ _VALUES = 10
 _RIDGE = 0.1
 """Relative to the number of samples: keeps what was hardly visited near nothing."""
 
+_SEEN = 0.1
+"""Least share of the force's mean square beyond blur and noise, from which it is asked. Of less, the difference between
+the blur of two motions that are nearly the same is no small part."""
+
 
 def repeating_share(
     plant: Plant,
@@ -53,7 +57,7 @@ def repeating_share(
             continue
         total, foreseen = _foreseen(measured, axis)
         expected, blurred = _foreseen(simulated, axis)
-        if total > expected:
+        if total - expected > _SEEN * total:
             # Rougher motion is blurred more, in the proportion in which smooth motion is.
             blurred *= total / max(expected, 1e-300)
             shares[axis] = float(np.clip((foreseen - max(blurred, 0.0)) / (total - expected), 0.0, 1.0))

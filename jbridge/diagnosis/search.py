@@ -28,6 +28,8 @@ _ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
 _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
+_MOST = 40
+"""Iterations of a last fit."""
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
 
@@ -275,7 +277,7 @@ class Search:
         initial = batch.initial.copy()
         initial[:, :6] = near[:, :6]
         width = columns_for(len(free))
-        fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
+        fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=_MOST)
         return state_of(engine, batch, fits, known, accepted)
 
 

@@ -23,6 +23,9 @@ from .solve import Fits, solve
 WINDOW = 2.0
 """Length of the windows [s]."""
 _STARTS = 4
+_MOST = 60
+"""Iterations of a last fit. A dead zone, a gain and a friction of one axis make a curved valley, along which a fit
+creeps; what it leaves there would be taken for an effect."""
 _POOR = 4.0
 """Error over noise in windows above which further starts are tried."""
 _SPREAD = 0.3
@@ -55,6 +58,23 @@ class BaseFit:
     def chi(self) -> float:
         """Error over noise of `fits`."""
         return chi(self.fits.cost[0], self.fitted)
+
+
+def begun_anew(base: BaseFit, vector: NDArray[np.float64]) -> BaseFit:
+    """The same fit from another start, if that ends better.
+
+    Args:
+        base: a fit.
+        vector: where to begin; what is not free stays as it was.
+    """
+    start = base.vector.copy()
+    start[base.free] = vector[base.free]
+    fits = solve(
+        base.engine, base.fitted, start[None], [base.free], columns=columns_for(len(base.free)), iterations=_MOST
+    )
+    if not _cost(fits) < _cost(base.fits):
+        return base
+    return dataclasses.replace(base, vector=fits.vectors[0], fits=fits)
 
 
 def chi(cost: float, batch: Batch) -> float:
@@ -150,14 +170,14 @@ def base_fit(
         others += [fits.vectors[0] for fits in (short, *tries)]
         short = min([short, *tries], key=_cost)
     if window is not None:
-        fits = solve(engine, windows, short.vectors, [free], columns=columns, iterations=25)
+        fits = solve(engine, windows, short.vectors, [free], columns=columns, iterations=_MOST)
         return BaseFit(engine, free, whole, windows, fits.vectors[0], fits.vectors[0], fits, windows)
     if progress is not None:
         progress("fitting the model to whole recordings")
-    fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=25)
+    fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=_MOST)
     if thorough and not chi(fits.cost[0], whole) <= _POOR * max(chi(short.cost[0], windows), 1.0):
         # Where friction holds what should move, a window tells little and a slope nothing.
-        tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=25) for other in others]
+        tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=_MOST) for other in others]
         fits = min([fits, *tries], key=_cost)
     return BaseFit(
         engine,

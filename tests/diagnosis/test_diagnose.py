@@ -7,11 +7,16 @@ import pytest
 
 from jbridge import diagnose
 from jbridge.diagnosis.candidates import Candidate
+from jbridge.diagnosis.diagnose import _as_good
 from jbridge.diagnosis.holdout import split_off
+from jbridge.diagnosis.rounds import Explained
 from jbridge.diagnosis.screen import Screen, Screened
-from jbridge.diagnosis.search import Search
+from jbridge.diagnosis.search import Search, state_of
+from jbridge.diagnosis.tell import Step
 from jbridge.diagnosis.trials import State
+from jbridge.identify.base import base_fit, columns_for
 from jbridge.identify.setting import make_setting
+from jbridge.identify.solve import solve
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
 
@@ -152,3 +157,24 @@ def test_without_rescreening_the_first_ranking_stands(monkeypatch):
     object.__setattr__(state, "accepted", (ranked[0].candidate,))
     assert less.look(state).ranked == ranked[1:] and len(asked) == 1
     assert whole.look(state).ranked == ranked and len(asked) == 2
+
+
+def test_a_better_start_is_no_missing_physics():
+    """A fit that stopped short leaves errors, and an effect's refit takes them up with steps of the model's own."""
+    far, runs = scaled(cart_model(DRY, cart_damping=30.0, cart_gain=16.0), {"cart_gain": 1.5}), rig()
+    good = base_fit(far.plant, far.known, make_setting(far, runs, ()))
+    start, width = np.array(good.engine.table.ravel(far.plant)), columns_for(len(good.free))
+    fits = solve(good.engine, good.free_run, start[None], [good.free], columns=width, iterations=2)
+    short = dataclasses.replace(good, vector=fits.vectors[0], fits=fits)
+    assert short.chi > 1.5 * good.chi
+    state = state_of(good.engine, good.free_run, good.fits, far.known)
+    step = object.__new__(Step)  # what was accepted does not matter here, only that something was
+    for base, told, better in (
+        (short, Explained(state, [step], 0.5, 0.0, None, []), True),
+        (short, Explained(state_of(short.engine, short.free_run, fits, far.known), [], 0.5, 0.5, None, []), True),
+        (good, Explained(dataclasses.replace(state, cost=0.5 * state.cost), [step], 0.5, 0.0, None, []), False),
+        (good, Explained(state, [], 0.5, 0.5, None, []), False),
+    ):
+        found = _as_good(base, told)
+        assert (found is not None) == better
+        assert found is None or found.chi < 1.01 * good.chi

@@ -61,3 +61,7 @@ def test_a_channel_that_flickers_once_is_no_place():
     ]
     edges = _edges(runs, "x")
     assert "l" not in edges and {"x", "v_x", "u_x"} <= set(edges)
+
+
+def test_a_force_far_below_the_blur_is_not_judged():
+    assert share_of(*[ripple(0.4, amplitude=0.03)] * 4).get("x", 0.0) == 0.0

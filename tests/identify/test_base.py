@@ -1,0 +1,33 @@
+"""A fit begun anew from elsewhere is taken if it ends better, and only then."""
+
+import dataclasses
+
+import numpy as np
+
+from jbridge.identify.base import base_fit, begun_anew, columns_for
+from jbridge.identify.setting import make_setting
+from jbridge.identify.solve import solve
+from tests.identify.cases import DRY, cart_model, cart_recordings, scaled
+from tests.problems import make_plant
+
+FAR = {"cart_damping": 0.7, "cart_gain": 1.4, "coulomb_friction@cart.level": 1.5}
+
+
+def test_a_fit_that_stopped_short_goes_on_from_better_numbers():
+    model = scaled(cart_model(DRY, cart_damping=50.0, cart_gain=15.0), FAR)
+    runs = cart_recordings(make_plant(DRY, cart_damping=50.0, cart_gain=15.0), 2, seconds=6.0)
+    good = base_fit(model.plant, model.known, make_setting(model, runs, ()))
+    assert 0.6 < good.chi < 1.2
+    start = np.array(good.engine.table.ravel(model.plant))
+    width = columns_for(len(good.free))
+    short = solve(good.engine, good.fitted, start[None], [good.free], columns=width, iterations=1)
+    stopped = dataclasses.replace(good, vector=short.vectors[0], fits=short)
+    assert stopped.chi > 3.0
+    near = good.vector.copy()
+    near[good.free] *= 1.02
+    found = begun_anew(stopped, near)
+    assert found.chi < 1.001 * good.chi
+    np.testing.assert_allclose(found.vector[good.free], good.vector[good.free], rtol=1e-3)
+    assert begun_anew(good, start) is good or begun_anew(good, start).chi <= good.chi
+    held = np.setdiff1d(np.arange(len(start)), good.free)
+    np.testing.assert_array_equal(found.vector[held], stopped.vector[held])
