@@ -8,13 +8,17 @@ compiler, not code for Python.
 """
 
 import contextlib
+import ctypes
 import functools
+import gc
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable, Hashable
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +31,7 @@ _DAYS_KEPT = 30
 """Folders of versions of the sources that have not run for so long are removed."""
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
+_all: "weakref.WeakSet[Program]" = weakref.WeakSet()
 
 
 def keep_in(folder: Path | None) -> None:
@@ -49,6 +54,21 @@ def keep_in(folder: Path | None) -> None:
                 os.utime(own)
             elif other.stat().st_mtime < time.time() - _DAYS_KEPT * 86400:
                 shutil.rmtree(other, ignore_errors=True)
+
+
+def forget() -> None:
+    """Drops what was compiled, and gives its memory back; whoever needs a program again reads it from the folder.
+
+    A program of a rollout takes 50 MB or more, and a diagnosis makes dozens.
+    """
+    for program in _all:
+        program.forget()
+    jax.clear_caches()
+    gc.collect()
+    if sys.platform == "linux":
+        # Only glibc keeps what was freed and can be asked for it.
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 T = TypeVar("T", bound=type)
@@ -81,6 +101,11 @@ class Program:
         self._jit = jax.jit(function, static_argnums=static)
         self._loaded: dict[Hashable, Callable] = {}
         self._locks: dict[Hashable, threading.Lock] = {}
+        _all.add(self)
+
+    def forget(self) -> None:
+        """Drops what was loaded; no call may be under way."""
+        self._loaded.clear()
 
     def __call__(self, *args: Any) -> Any:
         folder = _folder

@@ -180,3 +180,15 @@ def test_a_table_says_all_that_tells_it_from_others():
     assert len(set(said)) == len(said) == len(set(tables))
     assert said == [repr(ParameterTable(jax.tree.map(lambda leaf: leaf + 1.0, plant))) for plant in plants]
     assert not any(" at 0x" in text for text in said)
+
+
+def test_what_was_forgotten_is_read_again(folder):
+    counted = Counted()
+    program = Program(counted, (0,))
+    first = program(2, POINT, np.ones(3))
+    assert len(program._loaded) == 1
+    _programs.forget()
+    assert not program._loaded
+    again = program(2, POINT, np.ones(3))
+    jax.tree.map(np.testing.assert_array_equal, first, again)
+    assert len(program._loaded) == 1 and counted.traced == 1

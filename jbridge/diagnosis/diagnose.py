@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._programs import forget
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
 from ..identify.result import Errors
@@ -125,6 +126,7 @@ def diagnose(
     table = ParameterTable(final_plant, setting.units)
     cov = _covariance(state, base, changed)
     values = estimates(table, final_vector, final_free, cov)
+    forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")

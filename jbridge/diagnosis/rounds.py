@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from math import nan
 
-import jax
-
+from .._programs import forget
 from ..identify.base import BaseFit, measurements
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE
@@ -76,7 +75,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     for _ in range(MOST_EFFECTS):
         if len(steps) >= _KEPT:
             # Programs of structures that were tried are needed no more, and their memory maps are limited.
-            jax.clear_caches()
+            forget()
         screened, trials = _weigh(search, state)
         after = screened.learnable
         if not steps:
