@@ -403,3 +403,41 @@ def test_ablations_are_asked_where_they_can_matter():
     assert len(many) == 10 and all(len(truths[name]["concealed"]) > 1 for name in many)
     assert len(single) == 14 and {truths[name]["half"] for name in single} == {"dev"}
     assert len(none) == 12 and not any(truths[name]["concealed"] for name in none)
+
+
+@pytest.mark.parametrize(
+    ("effect", "where", "when", "expected"),
+    [
+        (
+            {"kind": "brake_zone", "site": "cart", "centre": 0.8, "width": 0.1, "peak": 1.0, "critical": 0.2},
+            [{"variable": "v_x", "low": 0.7, "high": 0.9}, {"variable": "x", "low": 0.75, "high": 0.95}],
+            [],
+            {"overlap": 0.15 / 0.25},
+        ),
+        (
+            {"kind": "swing_guide", "site": "swing", "angle": 0.1, "stiffness": 1.0},
+            [{"variable": "psi", "low": 0.2, "high": 0.5}],
+            [],
+            {"overlap": 0.75},
+        ),
+        (
+            {"kind": "wind", "site": "swing", "force": 0.01, "start": 4.0, "stop": 8.0},
+            [],
+            [{"recording": "a", "start": 1.0, "stop": 3.0}, {"recording": "b", "start": 4.0, "stop": 6.0}],
+            {"overlap": 0.5},
+        ),
+        (
+            {"kind": "missed_counts", "site": "x_sensor", "jump": 0.001, "time": 5.0},
+            [],
+            [{"recording": "a", "start": 5.0, "stop": 5.1}],
+            {"late": 0.05},
+        ),
+        ({"kind": "missed_counts", "site": "x_sensor", "jump": 0.001, "time": 5.0}, [], [], {"late": None}),
+    ],
+    ids=["zone", "open end", "push", "jump", "not found"],
+)
+def test_places_and_times_are_scored(effect, where, when, expected):
+    report = report_of("unknown")
+    report["location"] |= {"where": where, "when": when}
+    (found,) = score(truth_of([effect]), report)["placed"].values()
+    assert found == pytest.approx(expected)

@@ -127,6 +127,42 @@ def parameter_errors(true: dict, found: dict) -> dict:
     return rows
 
 
+LOCAL = {
+    "brake_zone": lambda e: ("x", e["centre"] - e["width"], e["centre"] + e["width"]),
+    "swing_guide": lambda e: ("psi", e["angle"], math.inf),
+    "end_stop": lambda e: ("x", e["position"], math.inf),
+}
+"""Effects that act along part of a variable, and where."""
+SPAN = {"wind": lambda e: (e["start"], e["stop"])}
+JUMP = {"missed_counts": lambda e: e["time"]}
+"""Effects that act for a time, or at one, in every recording."""
+
+
+def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """What two intervals share, over what they cover. An open end goes as far as the other interval."""
+    top = b[1] if math.isinf(a[1]) else max(a[1], b[1])
+    shared = min(a[1], b[1]) - max(a[0], b[0])
+    return max(shared, 0.0) / max(top - min(a[0], b[0]), 1e-12)
+
+
+def placed(truth: dict, report: dict) -> dict:
+    """How well local effects were located: overlap over what both cover, or the error of a jump's time [s]."""
+    where, when = report["location"].get("where", []), report["location"].get("when", [])
+    spans = [(i["start"], i["stop"]) for i in when]
+    found = {}
+    for e in truth["concealed"]:
+        if e["kind"] in LOCAL:
+            name, low, high = LOCAL[e["kind"]](e)
+            own = [(r["low"], r["high"]) for r in where if r["variable"] == name]
+            found[label(e)] = {"overlap": max((_overlap((low, high), o) for o in own), default=0.0)}
+        elif e["kind"] in SPAN:
+            found[label(e)] = {"overlap": max((_overlap(SPAN[e["kind"]](e), s) for s in spans), default=0.0)}
+        elif e["kind"] in JUMP:
+            errors = [abs(0.5 * (a + b) - JUMP[e["kind"]](e)) for a, b in spans]
+            found[label(e)] = {"late": min(errors, default=None)}
+    return found
+
+
 def holdout(report: dict, when: str) -> float | None:
     """Free-run error on the hold-out recordings, root mean square over channels, each over its noise."""
     errors, noise = report["fit"]["holdout"][when], report["fit"]["noise"]
@@ -155,7 +191,7 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "true_equations": truth["equations"], "named": [], "verdict": "failed", "verdict_right": False,
         "detected": False, "equation": None, "equation_right": False, "first_right": False, "in_set": False,
         "set_right": False, "parameters": {}, "bridge": {}, "before": None, "after": None, "gap_closed": None,
-        "seconds": None, "probability": None,
+        "seconds": None, "probability": None, "placed": {},
     }  # fmt: skip
     if report is None:
         return row
@@ -173,7 +209,7 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "in_set": bool(named) and bool(({named[0]} | rivals) & everything),
         "set_right": len(pairs) == len(wanted) == len(named),
         "probability": effects[0].get("probability") if effects else None, "before": before, "after": after,
-        "seconds": report.get("seconds"),
+        "seconds": report.get("seconds"), "placed": placed(truth, report),
     }  # fmt: skip
     if before is not None and after is not None and before > 1.0:
         row["gap_closed"] = (before - after) / (before - 1.0)

@@ -37,6 +37,15 @@ def groups(rows: list[dict]) -> dict[str, list[dict]]:
     }
 
 
+def _placed(rows: list[dict], measure: str) -> tuple[list[dict], str]:
+    """Local effects that were missing alone and not overlooked, and the key of whether each was located."""
+    seen = [r for r in rows if len(r["true"]) == 1 and r["detected"]]
+    found = [p[measure] for r in seen for p in r.get("placed", {}).values() if measure in p]
+    if measure == "overlap":
+        return [{"hit": overlap >= 0.5} for overlap in found], "hit"
+    return [{"hit": late is not None and late <= 0.1} for late in found], "hit"
+
+
 def _numbers(rows: list[dict], what: str) -> tuple[list[float], list[bool]]:
     found = [p for r in rows for p in r[what].values()]
     return [p["error"] for p in found], [p["covered"] for p in found if p["covered"] is not None]
@@ -74,6 +83,12 @@ def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
         ("exact set, three missing", ">= 60 %", share(g["triple"], "set_right")),
         ("`unknown` said when it is", ">= 90 %", share(g["unknown"], "said")),
         ("`unknown` wrongly said", "<= 5 %", share(g["known"], "said")),
+        (
+            "local effects: region or time found overlaps by half, where one is missing and seen",
+            "all",
+            share(*_placed(rows, "overlap")),
+        ),
+        ("jumps: timed within 0.1 s, where one is missing and seen", "all", share(*_placed(rows, "late"))),
         ("verdict right", "", share(rows, "verdict_right")),
         ("effect parameters, median error", "<= 5 %", _percent(errors)),
         ("effect parameters, 95 % intervals that cover", "92-98 %", _percent(covered, middle=False)),

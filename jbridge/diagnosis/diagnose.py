@@ -159,7 +159,7 @@ def diagnose(
     at = curved.plant.effects[-1].site if curved is not None else None
     train = [trace for trace in shown if trace.role == "train"]
     latent = missing_forces(base, in_windows, train, tell) if alarm else None
-    location = location_of(alarm, effects, steps, explained.screened, shown, setting, at, latent)
+    location = location_of(alarm, effects, steps, explained.screened, shown, at, latent)
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")

@@ -1,142 +1,214 @@
-"""Where a mismatch sits: along which variable, and when."""
+"""Where a mismatch sits: along which variable, and when.
 
-from collections.abc import Callable, Mapping, Sequence
+What a fit without it could make of a local force has pulled its friction, damping and gain, so the smoothed missing
+force is nowhere nothing. Of every stretch of a variable it is asked how well these numbers, corrected, explain the
+force outside the stretch; a local mismatch leaves next to nothing there and much inside.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._types import EQUATIONS
-from ..identify.result import Trace
-from .result import Interval, Region
+from .describe import INPUT_OF, Track
+from .result import Interval, NamedEffect, Region
 
-_BINS = 12
-_LOCAL = 0.25
-"""A region counts as local up to this part of what was covered."""
-_SHARE = 0.6
-"""Least share of the mismatch inside a region."""
-_CLEAR = 0.3
-"""Least excess of the mean square force over what the final model leaves, relative to that."""
+_BINS = 24
+_WIDEST = 0.5
+"""A stretch counts as local up to this part of what was covered,"""
+_REST = 0.3
+"""if at least this part of the time was spent elsewhere,"""
+_CONTRAST = 6.0
+"""the mean square force inside is so many times that outside,"""
+_CLEAR = 8.0
+"""and two sizes of force are so much more likely than one (log likelihood of the bins)."""
+_SHARE = 0.25
+"""Least share of the missing force inside a region,"""
 _VOTES = 0.6
-"""Least share of the recordings in which a region stands out as well."""
-_BRIEF = 0.2
-"""A mismatch counts as limited in time up to this part of a recording, in at most so many pieces."""
-_FEW = 2
-_SMOOTH = 0.25
-"""Time over which the mismatch is averaged before intervals are cut [s]."""
+"""and of the recordings in which it stands out as well."""
+_MOST = 3
+_CELL, _CELLS = 0.25, 128
+"""Least length of a bin of time [s], and the largest number of them."""
+_ALIKE = 0.5
+"""Least overlap of the same interval in different recordings,"""
+_BRIEF = (60.0, 100.0)
+"""or log likelihood and contrast of an event that one recording may have alone."""
+_SHORTEST = 0.02
+"""Half of the least length of an interval that stands for one instant [s]."""
 
-_Pick = Callable[[Trace], NDArray[np.float64] | None]
 
+def regions(tracks: Sequence[Track], axis: str) -> tuple[Region, ...]:
+    """Stretches of place, length, velocity and input that hold the missing force of an axis; the clearest first.
 
-def region(traces: Sequence[Trace], axis: str) -> tuple[Region, ...]:
-    """Regions of place, velocity, input and length that hold most of the residual force of an axis."""
-    force = _joined(traces, lambda trace: trace.force_before.get(axis))
-    if force is None or not np.isfinite(force).any():
+    Args:
+        tracks: the recordings with that force.
+        axis: `x`, `psi` or `l`.
+    """
+    if not tracks:
         return ()
-    after = _joined(traces, lambda trace: trace.force_after.get(axis))
-    # What noise and smoothing leave anyway is no mismatch; the final model tells how much that is.
-    floor = float(np.nanmean(after**2)) if after is not None and np.isfinite(after).any() else 0.0
-    if float(np.nanmean(force**2)) < (1 + _CLEAR) * floor:
-        return ()
-    # The axis' own place, speed and input, and the rope's length, on which everything hangs.
-    picks: dict[str, _Pick] = {
-        axis: lambda trace: trace.coordinates.get(axis),
-        "l": lambda trace: trace.coordinates.get("l"),
-        f"v_{axis}": lambda trace: trace.velocities.get(axis),
-        f"u_{axis}": lambda trace: trace.inputs.get(f"u_{axis}"),
-    }
-    found = []
-    for name, pick in picks.items():
-        values = _joined(traces, pick)
-        if values is None or not np.ptp(values[np.isfinite(values)]) > 0:
+    force, weight, speed, own = (_joined(tracks, name) for name in ("force", "weight", "v", "u"))
+    base = _base(speed, own)
+    variables = {axis: _joined(tracks, "q"), f"v_{axis}": speed, INPUT_OF[axis]: own}
+    if axis != "l" and all("l" in track.others for track in tracks):
+        variables["l"] = np.concatenate([track.others["l"] for track in tracks])
+    found: list[tuple[float, Region]] = []
+    for name, values in variables.items():
+        low, high = (float(edge) for edge in np.quantile(values, [0.005, 0.995]))
+        if not high > low:
             continue
-        best = _densest(values, force, floor)
-        if best is not None and _repeats(traces, axis, pick, best, floor):
-            found.append(Region(name, *best))
-    found.sort(key=lambda r: -r.share)
-    return tuple(found[:3])
+        edges = np.linspace(low, high, _BINS + 1)
+        place = np.clip(np.searchsorted(edges, values) - 1, 0, _BINS - 1)
+        # Friction turns round with the velocity; beside its place its direction counts.
+        cell = place if name == f"v_{axis}" else 2 * place + (speed > 0)
+        of_cell = np.arange(_BINS) if name == f"v_{axis}" else np.arange(2 * _BINS) // 2
+        best = _stretch(of_cell, *_means(cell, len(of_cell), force, base, weight))
+        if best is None or best.clear < _CLEAR:
+            continue
+        inside = (place >= best.first) & (place < best.last)
+        left = force - base @ best.numbers
+        share = float(np.sum((weight * left**2)[inside]) / np.sum(weight * left**2))
+        if share >= _SHARE and _votes(tracks, inside, left, weight):
+            found.append((best.clear, Region(name, float(edges[best.first]), float(edges[best.last]), share)))
+    found.sort(key=lambda item: -item[0])
+    return tuple(region for _, region in found[:_MOST])
 
 
-def _repeats(traces: Sequence[Trace], axis: str, pick: _Pick, found: tuple[float, float, float], floor: float) -> bool:
+def intervals(tracks: Mapping[str, Track]) -> tuple[Interval, ...]:
+    """When the missing force acts, if it acts at the same time in all recordings, or is an event of one.
+
+    Args:
+        tracks: by recording, with the force of one axis.
+    """
+    found: dict[str, tuple[_Stretch, float, float]] = {}
+    for name, track in tracks.items():
+        length = max(_CELL, float(track.times[-1]) / _CELLS)
+        cell = (track.times / length).astype(int)
+        count = int(cell.max()) + 1
+        told = _means(cell, count, track.force, _base(track.v, track.u), track.weight)
+        best = _stretch(np.arange(count), *told)
+        if best is not None and best.clear >= _CLEAR:
+            found[name] = best, best.first * length, min(best.last * length, float(track.times[-1]))
+    begin, end = (float(np.median([item[i] for item in found.values()] or [0.0])) for i in (1, 2))
+    alike = {name: _overlap((a, b), (begin, end)) >= _ALIKE for name, (_, a, b) in found.items()}
+    often = len(tracks) > 1 and sum(alike.values()) >= max(2.0, _VOTES * len(tracks))
+    likely, contrast = _BRIEF
+    kept = [
+        Interval(name, a, b)
+        for name, (best, a, b) in found.items()
+        if (often and alike[name]) or (best.clear >= likely and best.contrast >= contrast)
+    ]
+    return tuple(kept)
+
+
+def times_of(effects: Sequence[NamedEffect], recordings: Sequence[str]) -> tuple[Interval, ...]:
+    """When named effects act that count time from the start of each recording: a push, a jump."""
+    spans: list[tuple[float, float]] = []
+    for effect in effects:
+        told = {key: estimate for key, estimate in effect.parameters.items() if key in ("start", "stop", "time")}
+        at = {key: estimate.value for key, estimate in told.items() if isinstance(estimate.value, float)}
+        if "start" in at and "stop" in at:
+            spans.append((max(at["start"], 0.0), at["stop"]))
+        elif "time" in at:
+            edges = [edge for edge in (told["time"].low, told["time"].high) if isinstance(edge, float)]
+            around = [*edges, at["time"] - _SHORTEST, at["time"] + _SHORTEST]
+            spans.append((max(min(around), 0.0), max(around)))
+    known = [(a, b) for a, b in spans if math.isfinite(a) and math.isfinite(b)]
+    return tuple(Interval(name, a, b) for name in recordings for a, b in known)
+
+
+class _Stretch:
+    """Neighbouring bins that hold a force, and the numbers that explain what is outside."""
+
+    def __init__(self, first: int, last: int, numbers: NDArray[np.float64], clear: float, contrast: float):
+        self.first, self.last, self.numbers, self.clear, self.contrast = first, last, numbers, clear, contrast
+
+
+def _joined(tracks: Sequence[Track], name: str) -> NDArray[np.float64]:
+    return np.concatenate([getattr(track, name) for track in tracks])
+
+
+def _base(speed: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a wrong level of friction, damping and gain would do, each of unit size: `(time, column)`."""
+    columns = [np.sign(speed), speed] + ([own] if np.ptp(own) > 0 else [])
+    return np.stack([column / max(float(np.sqrt(np.mean(column**2))), 1e-300) for column in columns], axis=1)
+
+
+def _means(
+    cell: NDArray[np.int64],
+    count: int,
+    force: NDArray[np.float64],
+    base: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Mean force, mean columns and weight of every cell; a mean takes away what is quick."""
+    known = np.bincount(cell, weights=weight, minlength=count)
+    size = np.maximum(known, 1e-300)
+    columns = [force, *base.T]
+    means = np.stack([np.bincount(cell, weights=weight * column, minlength=count) / size for column in columns], axis=1)
+    return means[:, 0], means[:, 1:], np.where(known >= max(8.0, 1e-3 * known.sum()), known, 0.0)
+
+
+def _stretch(
+    place: NDArray[np.int64], force: NDArray[np.float64], base: NDArray[np.float64], known: NDArray[np.float64]
+) -> _Stretch | None:
+    """The stretch of bins in which the force most likely has another size than outside.
+
+    Args:
+        place: bin of each cell.
+        force, base, known: see `_means`.
+    """
+    seen = known > 0
+    place, force, base, known = place[seen], force[seen], base[seen], known[seen]
+    if len(force) < 8:
+        return None
+    bins, columns = int(place.max()) + 1, base.shape[1]
+    overall = float(np.mean((force - base @ _numbers(base, force, known)) ** 2))
+    best = None
+    for width in range(1, int(_WIDEST * bins) + 1):
+        for first in range(bins - width + 1):
+            inside = (place >= first) & (place < first + width)
+            outside = ~inside
+            enough = known[outside].sum() >= _REST * known.sum() and outside.sum() >= columns + 4
+            if not inside.any() or not enough:
+                continue
+            numbers = _numbers(base[outside], force[outside], known[outside])
+            left = (force - base @ numbers) ** 2
+            own, other = float(left[inside].mean()), max(float(left[outside].mean()), 1e-12 * overall)
+            if own < _CONTRAST * other:
+                continue
+            clear = len(left) * math.log(overall) - inside.sum() * math.log(own) - outside.sum() * math.log(other)
+            if best is None or clear > best.clear:
+                best = _Stretch(first, first + width, numbers, float(clear), own / other)
+    return best
+
+
+def _numbers(base: NDArray[np.float64], force: NDArray[np.float64], known: NDArray[np.float64]) -> NDArray[np.float64]:
+    root = np.sqrt(known)
+    return np.asarray(np.linalg.lstsq(base * root[:, None], force * root, rcond=1e-6)[0], np.float64)
+
+
+def _votes(
+    tracks: Sequence[Track], inside: NDArray[np.bool_], left: NDArray[np.float64], weight: NDArray[np.float64]
+) -> bool:
     """Whether the force stands out in a region in most of the recordings that come there."""
     votes = []
-    for trace in traces:
-        values, force = pick(trace), trace.force_before.get(axis)
-        if values is None or force is None:
+    ends = np.cumsum([len(track.times) for track in tracks])
+    for a, b in zip([0, *ends[:-1]], ends, strict=True):
+        here, power, known = inside[a:b], left[a:b] ** 2, weight[a:b]
+        if known[here].sum() < 20 or known[~here].sum() < 20:
             continue
-        known = np.isfinite(values) & np.isfinite(force)
-        inside = known & (values >= found[0]) & (values <= found[1])
-        outside = known & ~inside
-        if inside.sum() < 20 or outside.sum() < 20:
-            continue
-        own, other = (float(np.mean(force[part] ** 2)) - floor for part in (inside, outside))
-        votes.append(own > 2.0 * max(other, 0.0))
+        votes.append(
+            np.average(power[here], weights=known[here]) > 2.0 * np.average(power[~here], weights=known[~here])
+        )
     return bool(votes) and float(np.mean(votes)) >= _VOTES
 
 
-def _joined(traces: Sequence[Trace], pick: _Pick) -> NDArray[np.float64] | None:
-    found = [pick(trace) for trace in traces]
-    parts = [part for part in found if part is not None]
-    return np.concatenate(parts) if len(parts) == len(traces) and parts else None
-
-
-def _densest(
-    values: NDArray[np.float64], force: NDArray[np.float64], floor: float
-) -> tuple[float, float, float] | None:
-    """The shortest stretch of a variable with most of the mean square force, each bin counted alike."""
-    known = np.isfinite(values) & np.isfinite(force)
-    if known.sum() < 50 * _BINS:
-        return None
-    low, high = (float(edge) for edge in np.quantile(values[known], [0.005, 0.995]))
-    edges = np.linspace(low, high, _BINS + 1)
-    place = np.clip(np.searchsorted(edges, values[known]) - 1, 0, _BINS - 1)
-    count = np.bincount(place, minlength=_BINS)
-    power = np.bincount(place, weights=force[known] ** 2, minlength=_BINS)
-    mean = np.where(count >= max(20.0, 0.03 * known.sum()), power / np.maximum(count, 1) - floor, 0.0)
-    mean = np.maximum(mean, 0.0)
-    total = mean.sum()
-    if total <= 0:
-        return None
-    for width in range(1, int(_LOCAL * _BINS) + 1):
-        sums = np.convolve(mean, np.ones(width), mode="valid")
-        at = int(np.argmax(sums))
-        if sums[at] / total >= _SHARE:
-            return float(edges[at]), float(edges[at + width]), float(sums[at] / total)
-    return None
-
-
-def intervals(traces: Sequence[Trace], axis: str, noise: Mapping[str, float]) -> tuple[Interval, ...]:
-    """When, in each recording, the model as given drifts away: where its error changes fastest, if that is local."""
-    found = []
-    for trace in traces:
-        measured, before, after = trace.measured.get(axis), trace.before.get(axis), trace.after.get(axis)
-        if measured is None or before is None or after is None:
-            continue
-        period = float(np.median(np.diff(trace.times)))
-        width = max(3, round(_SMOOTH / period))
-        gap = before - after
-        rate = np.abs(np.gradient(np.convolve(gap, np.ones(width) / width, mode="same"), trace.times))
-        rate[:width], rate[-width:] = 0.0, 0.0
-        total = float((rate**2).sum())
-        if total <= 0 or float(np.max(np.abs(gap))) < 5 * noise[axis]:
-            continue
-        high = rate > 0.35 * rate.max()
-        inside = float((rate[high] ** 2).sum()) / total
-        runs = _runs(trace.times, high)
-        if high.mean() < _BRIEF and inside > _SHARE and len(runs) <= _FEW:
-            found += [Interval(trace.recording, a, b) for a, b in runs]
-    return tuple(found[:12])
-
-
-def _runs(times: NDArray[np.float64], flag: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
-    runs = [(float(times[a]), float(times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    joined: list[tuple[float, float]] = []
-    for start, stop in runs:
-        if joined and start - joined[-1][1] < 0.3:
-            joined[-1] = (joined[-1][0], stop)
-        else:
-            joined.append((start, stop))
-    return sorted(joined, key=lambda r: r[0] - r[1])
+def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Length of what two intervals share over that of what they cover."""
+    shared = min(a[1], b[1]) - max(a[0], b[0])
+    return max(shared, 0.0) / max(max(a[1], b[1]) - min(a[0], b[0]), 1e-300)
 
 
 def equation_of(axis: str | None) -> str:

@@ -10,11 +10,13 @@ from ..identify.base import BaseFit
 from ..identify.latent import Force, Latent, unknown_forces
 from ..identify.result import Trace
 from ..model.effects.base import AXIS_OF_SITE
-from .describe import INPUT_OF, Track, describe
-from .result import Likeness, MissingForce
+from .describe import INPUT_OF, Track
+from .result import MissingForce
 
 _LEAD = 10.0
 """Least log probability by which an unknown force or signal must be better than none, and than another equation's."""
+_FAR = 3.0
+"""Error over noise of whole recordings above which numbers are taken from windows."""
 
 
 def missing_forces(base: BaseFit, in_windows: bool, traces: Sequence[Trace], progress: Callable[[str], None]) -> Latent:
@@ -22,7 +24,7 @@ def missing_forces(base: BaseFit, in_windows: bool, traces: Sequence[Trace], pro
 
     Args:
         base: the model as given, refitted.
-        in_windows: whether to take its numbers from windows, within which a missing force pulls them less far away.
+        in_windows: whether windows were compared, since whole recordings drift too far.
         traces: the training recordings, in order, with the force balance of that model.
         progress: told what goes on.
     """
@@ -33,7 +35,8 @@ def missing_forces(base: BaseFit, in_windows: bool, traces: Sequence[Trace], pro
         known = np.concatenate(forces) if forces else np.zeros(0)
         known = known[np.isfinite(known)]
         scale[k] = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
-    vector = base.window_vector if in_windows else base.vector
+    # Within windows a missing force pulls the model's numbers less far away.
+    vector = base.window_vector if in_windows or base.chi > _FAR else base.vector
     return unknown_forces(base.engine.table, vector, base.free_run, base.fits.initial[0], scale)
 
 
@@ -56,13 +59,15 @@ def force_along(forces: Sequence[Force], traces: Sequence[Trace], axis: str) -> 
     )
 
 
-def likeness_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str) -> Likeness:
-    """What the force on an axis hangs on."""
+def tracks_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str) -> dict[str, Track]:
+    """By recording, the force on an axis beside what it may hang on."""
+    if not forces:
+        return {}
     widest = max(float(force.std.max()) for force in forces)
     by_name = {trace.recording: trace for trace in traces}
     # A rope that is locked in one recording has no drive there.
     inputs = sorted({name for trace in traces for name in trace.inputs})
-    return describe([_track(force, by_name[force.recording], axis, widest, inputs) for force in forces], axis)
+    return {force.recording: _track(force, by_name[force.recording], axis, widest, inputs) for force in forces}
 
 
 def _track(force: MissingForce, trace: Trace, axis: str, widest: float, inputs: Sequence[str]) -> Track:

@@ -16,9 +16,10 @@ from ..identify.uncertainty import covariance, estimates
 from ..model.effects.base import AXIS_OF_SITE, SITES
 from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE
+from .describe import describe
 from .levels import simpler_laws
-from .locate import equation_of, intervals, region
-from .missing import force_along, leading_site, likeness_of
+from .locate import equation_of, intervals, regions, times_of
+from .missing import force_along, leading_site, tracks_of
 from .result import Location, MissingForce, NamedEffect, Rival
 from .screen import Screen
 from .trials import EFFECTIVE, State, Trial
@@ -127,7 +128,6 @@ def location_of(
     steps: list[Step],
     screened: Screen | None,
     shown: Sequence[Any],
-    setting: Setting,
     curve: str | None,
     latent: Latent | None = None,
 ) -> Location:
@@ -139,7 +139,6 @@ def location_of(
         steps: how it was found.
         screened: the last screen.
         shown: recordings beside both models.
-        setting: noise.
         curve: site of the force without a name that the final model keeps: what was named beside it explains a part
             only, and the force says where the rest is.
         latent: unknown forces beside the model as given.
@@ -172,13 +171,16 @@ def location_of(
         # Nothing that was tried passed, so what was expected of it says less than a force that may be anything.
         at = leading_site(evidence) or at
     axis = AXIS_OF_SITE[at] if at is not None else None
-    where = region(train, axis) if axis is not None else ()
-    when = intervals(train, axis, setting.noise) if axis is not None and axis in setting.noise else ()
     forces: tuple[MissingForce, ...] = ()
-    if latent is not None and at is not None and axis is not None and not at.endswith("_sensor"):
-        # Where a sensor is at fault no force is missing.
+    if latent is not None and axis is not None:
         forces = force_along(latent.forces, train, axis)
-    likeness = likeness_of(forces, train, axis) if forces and axis is not None else None
+    tracks = {} if axis is None else tracks_of(forces, train, axis)
+    where = () if axis is None else regions(list(tracks.values()), axis)
+    when = times_of(effects, [trace.recording for trace in train]) or intervals(tracks)
+    if at is not None and at.endswith("_sensor"):
+        # Where a sensor is at fault no force is missing, though one would look like it.
+        forces, where = (), ()
+    likeness = describe(list(tracks.values()), axis) if forces and axis is not None else None
     return Location(at, equation_of(axis), sites, where, when, evidence, forces, likeness)
 
 

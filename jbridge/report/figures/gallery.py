@@ -124,7 +124,8 @@ def _missing(diagnosis: Diagnosis, units: Mapping[str, str]) -> tuple[Picture, .
     if location.likeness is None or axis is None:
         return ()
     name = f"missing-force-{axis}"
-    return _present(draw_missing(name, location.forces, diagnosis.traces, axis, location.likeness, units))
+    places = location.where, location.when
+    return _present(draw_missing(name, location.forces, diagnosis.traces, axis, location.likeness, units, *places))
 
 
 def _forces(

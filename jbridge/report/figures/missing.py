@@ -8,12 +8,12 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...diagnosis.describe import most_telling
-from ...diagnosis.result import Likeness, MissingForce
+from ...diagnosis.result import Interval, Likeness, MissingForce, Region
 from ...identify.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
 from .force import FORCES, values_of
-from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, Picture, picture, shortened
+from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, SHADE, Picture, picture, shortened
 
 _BINS = 30
 _LEAST_IN_BIN = 12
@@ -31,6 +31,8 @@ def draw_missing(
     axis: str,
     likeness: Likeness,
     units: Mapping[str, str],
+    where: Sequence[Region] = (),
+    when: Sequence[Interval] = (),
 ) -> Picture | None:
     """The smoothed force along the recording where it is largest, and against two variables.
 
@@ -41,6 +43,8 @@ def draw_missing(
         axis: on which the force acts, `x`, `psi` or `l`.
         likeness: what it is like.
         units: of the inputs.
+        where: stretches of variables to shade; the clearest one's variable is drawn.
+        when: times to shade.
 
     Returns:
         None where there is no force to draw.
@@ -56,8 +60,9 @@ def draw_missing(
         factor, unit = 1e3, f"m{unit}"
     widest = max(float(force.std.max()) for force, _ in pairs)
     best = most_telling(likeness.by).partition(",")[0]
-    variables = list(dict.fromkeys([best, axis, f"v_{axis}"]))[:2]
+    variables = list(dict.fromkeys([*[region.variable for region in where[:1]], best, axis, f"v_{axis}"]))[:2]
     shown, _ = max(pairs, key=lambda pair: float(np.mean(pair[0].mean ** 2)))
+    spans = [(i.start, i.stop) for i in when if i.recording == shown.recording]
 
     def draw(figure: FigureBase) -> None:
         grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 1.35))
@@ -66,6 +71,8 @@ def draw_missing(
         course.fill_between(shown.times, low, high, color=NOISE, alpha=0.7, linewidth=0, label="95 %")
         course.plot(shown.times, factor * shown.mean, color=BEFORE, label="missing force")
         course.axhline(0, color="#808080", linewidth=0.8)
+        for start, stop in spans:
+            course.axvspan(start, stop, color=SHADE, alpha=0.35, linewidth=0, zorder=-1)
         course.set_xlabel(f"time in {shortened(shown.recording)} [s]")
         course.set_ylabel(f"{quantity} [{unit}]")
         course.legend(loc="upper right", ncols=2)
@@ -75,6 +82,12 @@ def draw_missing(
             shown_unit = pretty_unit(variable_unit(variable, units)).replace("rad", "deg")
             panel.set_xlabel(f"{variable_name(variable)} [{shown_unit}]")
             panel.axhline(0, color="#808080", linewidth=0.8)
+            for region in where:
+                if region.variable == variable:
+                    turn = 180 / np.pi if panel.get_xlabel().endswith(("[deg]", "[deg/s]")) else 1.0
+                    panel.axvspan(
+                        turn * region.low, turn * region.high, color=SHADE, alpha=0.35, linewidth=0, zorder=-1
+                    )
         panels[0].set_ylabel(f"{quantity} [{unit}]")
         if panels[0].get_legend_handles_labels()[0]:
             panels[0].legend(loc="best")
