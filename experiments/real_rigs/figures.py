@@ -21,6 +21,34 @@ def number(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
 
 
+def _known(row: dict) -> list[str]:
+    """The numbers of what was named, with 95 % intervals; of what has no name, where it sits and what it is like."""
+    lines = []
+    for effect in row["effects"]:
+        numbers = [
+            f"{key} {number(told['value'])} {told['unit']} ({number(told['low'])} to {number(told['high'])})"
+            for key, told in effect["parameters"].items()
+            if isinstance(told["value"], float) and told["low"] is not None
+        ]
+        if numbers:
+            lines.append(
+                f"- {effect['kind'].replace('_', ' ')} at {effect['site'].replace('_', ' ')}: {', '.join(numbers)}"
+            )
+    told = row.get("missing_force") or {}
+    if row["verdict"] != "unknown" or not told:
+        return lines
+    evidence = sorted(told["evidence"].items(), key=lambda item: -item[1])[:3]
+    if evidence:
+        sites = ", ".join(f"{site.replace('_', ' ')} {value:.3g}" for site, value in evidence)
+        lines.append(f"- Known of what has no name: log evidence for an unknown force or signal at {sites}.")
+    if told["likeness"] is not None and told["likeness"]["statement"]:
+        lines.append(f"- {' '.join(told['likeness']['statement'].split())}")
+    for place in row["location"]["where"]:
+        span = f"{number(place['low'])} and {number(place['high'])}"
+        lines.append(f"- {100 * place['share']:.0f} % of it lies where {place['variable']} is between {span}.")
+    return lines
+
+
 def _named(row: dict) -> str:
     effects = []
     for effect in row["effects"]:
@@ -88,7 +116,7 @@ def table(kept: dict) -> str:
             f" {_pair(window['before'], window['after'])} | {row['published']} |"
         )
     for row in cases.values():
-        lines += ["", f"**{row['rig']}, {row['name']}**: {' '.join(row['statement'].split())}"]
+        lines += ["", f"**{row['rig']}, {row['name']}**: {' '.join(row['statement'].split())}", *_known(row)]
         for curve in row["curves"]:
             for axis in NAMES:
                 if axis in curve:

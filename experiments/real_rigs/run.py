@@ -37,7 +37,10 @@ from experiments.real_rigs.friction import levels_by_place  # noqa: E402
 
 RECORDINGS = ROOT.parent / "shared" / "recordings"
 FIGURES = ROOT / "figures"
-KEPT = ("verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "bridge", "settings")
+KEPT = (
+    "verdict", "statement", "adequacy", "location", "missing_force",
+    "effects", "model_effects", "fit", "bridge", "settings",
+)  # fmt: skip
 """What is kept of a report."""
 MAP_WINDOW = 0.5
 """Windows [s] in which the friction map is fitted: a few reversals of the slowest oscillation."""

@@ -17,7 +17,8 @@ def force_without_a_name(search: Search, state: State) -> State | None:
 
     def one(seed: Candidate) -> Trial:
         engine, vector, free = search.extended(state, seed)
-        return search.refit_rows(state, [seed], engine, seed.set(engine.table, vector)[None], free)
+        # Beside a curve of place and velocity friction, damping and maps have no numbers of their own: they stay.
+        return search.refit_rows(state, [seed], engine, seed.set(engine.table, vector)[None], free[:0])
 
     best = min(search.each(one, seeds), key=lambda t: t.cost)
     if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:

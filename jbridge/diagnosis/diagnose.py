@@ -4,14 +4,13 @@ import dataclasses
 import time
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 
 from .._programs import forget
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.result import Errors
+from ..identify.result import Errors, Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
@@ -119,13 +118,14 @@ def diagnose(
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
     repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = force_without_a_name(search, state) if repeats else None
-    state = curved or state
     changed = bool(steps) or curved is not None
+    values, told_hardly = _numbers(state, base, setting, changed)
+    if curved is not None:
+        state = curved
+        values = _numbers(state, base, setting, changed)[0] | values
     final_plant = state.plant if changed else base_plant
-    final_free, final_vector = (state.free, state.vector) if changed else (base.free, base.vector)
+    final_free = state.free if changed else base.free
     table = ParameterTable(final_plant, setting.units)
-    cov = _covariance(state, base, changed)
-    values = estimates(table, final_vector, final_free, cov)
     forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
@@ -202,7 +202,7 @@ def diagnose(
         not_seen(search, state, {(rival.kind, rival.site) for effect in effects for rival in effect.equivalents}),
         experiment,
         None if former is None else continued(former, effects, [r.name for r in new]),
-        tuple(warnings(table, final_vector, final_free, cov)),
+        told_hardly,
         tuple(dict.fromkeys(notes)),
         {
             "large": LARGE,
@@ -272,19 +272,20 @@ def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> list
     return [shares.get(axis, 0.0) for axis in axes]
 
 
-def _covariance(state: State, base: BaseFit, accepted: bool) -> Any:
+def _numbers(
+    state: State, base: BaseFit, setting: Setting, accepted: bool
+) -> tuple[dict[str, Estimate], tuple[str, ...]]:
+    """A model's numbers with their intervals, and what the recordings hardly tell."""
     if accepted:
         width = columns_for(len(state.free))
         gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
-        return covariance(gram.products[0], gram.predicted[0], len(state.free), width, state.initial, state.batch)
-    return covariance(
-        base.fits.gram.products[0],
-        base.fits.gram.predicted[0],
-        len(base.free),
-        columns_for(len(base.free)),
-        base.fits.initial[0],
-        base.free_run,
-    )
+        vector, free, initial, batch = state.vector, state.free, state.initial, state.batch
+    else:
+        width, gram = columns_for(len(base.free)), base.fits.gram
+        vector, free, initial, batch = base.vector, base.free, base.fits.initial[0], base.free_run
+    cov = covariance(gram.products[0], gram.predicted[0], len(free), width, initial, batch)
+    table = ParameterTable(state.plant if accepted else base.engine.table.unravel(base.vector), setting.units)
+    return estimates(table, vector, free, cov), tuple(warnings(table, vector, free, cov))
 
 
 def _evaluate(
