@@ -57,11 +57,12 @@ def keep_in(folder: Path | None) -> None:
 
 
 def forget() -> None:
-    """Drops what was compiled, and gives its memory back; whoever needs a program again reads it from the folder.
+    """Drops what was compiled, and gives its memory back; whoever needs a program again finds it in the folder.
 
-    A program of a rollout takes 50 MB or more, and a diagnosis makes dozens.
+    A program of a rollout takes 50 MB or more, and a diagnosis makes dozens. Without a folder they are compiled anew,
+    and so is whatever else of JAX this process had compiled.
     """
-    for program in _all:
+    for program in list(_all):
         program.forget()
     jax.clear_caches()
     gc.collect()
@@ -104,8 +105,9 @@ class Program:
         _all.add(self)
 
     def forget(self) -> None:
-        """Drops what was loaded; no call may be under way."""
+        """Drops what was loaded; a call that is under way holds what it needs."""
         self._loaded.clear()
+        self._locks.clear()
 
     def __call__(self, *args: Any) -> Any:
         folder = _folder

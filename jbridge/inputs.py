@@ -14,6 +14,9 @@ from .model.effects.base import AXIS_OF_SITE, AbstractDrive
 from .model.effects.drives import InputDelay
 from .model.plant import Plant
 
+INSTANT = 1e-9
+"""Time constant of a lag that is as good as none [s]."""
+
 
 class Lane(eqx.Module):
     """A stretch of recording as the engine wants it. Times count from the recording's start."""
@@ -101,7 +104,7 @@ def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] |
         for effect in chain:
             if effect.in_time:
                 mean, early = effect.apply(middle, mean), effect.apply(middle, early)
-        constant = jnp.maximum(getattr(constants, axis), 1e-9)
+        constant = jnp.maximum(getattr(constants, axis), INSTANT)
         # Outside the time loop the library's exponential costs nothing.
         fading = jnp.exp(-(lane.start - steps[:n]) / constant)
         lags.append(jnp.sum(mean[:n] * jnp.diff(fading, axis=1)))

@@ -16,8 +16,9 @@ from ._math import materialise
 from ._programs import returned
 from ._types import Axes, Scalar
 from .collect import AbstractCollector, Everything
-from .inputs import Lane, drive_inputs, step_edges
+from .inputs import INSTANT, Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
+from .model.effects.drives import ActuatorLag
 from .model.effects.flexible import DoublePendulum, RopeElasticity
 from .model.effects.friction import PreslidingFriction
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
@@ -212,12 +213,12 @@ def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[
     steps = steps[lane.before.shape[0] :]
     h = jnp.diff(steps, axis=1)
 
-    # A lag shorter than a step is as exact as a long one if what counts are its means.
-    ratios = [h / jnp.maximum(constant, 1e-15) for constant in constants]
-    whole = [jnp.where(ratio > 0, ratio, 1.0) for ratio in ratios]
+    # What counts of a lag are its means over the step: then one that is shorter than a step is not lost.
+    ratios = [h / jnp.maximum(constant, INSTANT) for constant in constants]
+    shares = [constant / jnp.where(h > 0, h, 1.0) for constant in constants]
     left = Axes(*(jnp.exp(-ratio) for ratio in ratios))
-    mean = Axes(*(-jnp.expm1(-ratio) / ratio for ratio in whole))
-    early = Axes(*(2.0 * (1.0 - m) / ratio for ratio, m in zip(whole, mean, strict=True)))
+    mean = Axes(*(-share * jnp.expm1(-ratio) for share, ratio in zip(shares, ratios, strict=True)))
+    early = Axes(*(_early(share, ratio, m) for share, ratio, m in zip(shares, ratios, mean, strict=True)))
 
     def held(inputs: Float[Array, "time step 2"]) -> Axes:
         return Axes(inputs[:, :, 0], jnp.zeros_like(h), inputs[:, :, 1])
@@ -225,6 +226,13 @@ def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[
     number = jnp.arange(h.shape[0])
     told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left, mean, early)
     return told, drives.lags
+
+
+def _early(share: Array, ratio: Array, mean: Array) -> Array:
+    """Mean of `exp(-t / constant)` over a step, weighted by the time left."""
+    # Where the lag is long the difference from 1 would be lost in rounding.
+    series = 1.0 - ratio / 3.0 + ratio**2 / 12.0 - ratio**3 / 60.0
+    return jnp.where(ratio < 0.02, series, 2.0 * share * (1.0 - mean))
 
 
 def advance(
@@ -243,6 +251,8 @@ def advance(
     that is less work than to write all of a stage to memory and to read it back. Forward, the loop is slower.
     """
     presliding = plant.only(PreslidingFriction)
+    lagging = {AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)}
+    most = max(-lead for lead in method.leads)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
 
@@ -251,17 +261,19 @@ def advance(
         drum = plant.drum_gain(carry.q.l)
         target, first_target = (held._replace(l=held.l * drum) for held in (now.mean, now.early))
 
-        # With no lag the drive follows at once, from the step's first instant, and with a short one almost.
-        lagging = [g + (s - g) * left for g, s, left in zip(target, carry.lag, now.left_mean, strict=True)]
-        at_first = [
-            g + (e - g) * (1.0 - left) + (s - g) * left
-            for g, e, s, left in zip(target, first_target, carry.lag, now.left_early, strict=True)
-        ]
+        # By axis the input's mean over the step, and how much its early part is ahead of that.
+        held, ahead = {}, {}
+        for axis in Axes._fields:
+            g, e, s = (getattr(each, axis) for each in (target, first_target, carry.lag))
+            held[axis], ahead[axis] = g, e - g
+            if axis in lagging:
+                mean, early = getattr(now.left_mean, axis), getattr(now.left_early, axis)
+                # No stage may have more than the target: an axis that friction holds would break away.
+                gap = jnp.minimum(early - mean, mean / most) if most > 1.0 else early - mean
+                held[axis], ahead[axis] = g + (s - g) * mean, (e - g) * (1.0 - early) + (s - g) * gap
 
         def volts_at(lead: float) -> Axes:
-            if lead == 0.0:
-                return Axes(*lagging)
-            return Axes(*(mean + lead * (early - mean) for mean, early in zip(lagging, at_first, strict=True)))
+            return Axes(*(held[axis] if lead == 0.0 else held[axis] + lead * ahead[axis] for axis in Axes._fields))
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             begun = (carry.q, carry.v)
@@ -289,7 +301,10 @@ def advance(
         z_next = carry.z
         if presliding is not None and carry.z is not None:
             z_next = presliding.deflection(carry.z, 0.5 * (carry.v.at_drives().x + v_next.at_drives().x), h)
-        lag = Axes(*(g + (s - g) * left for g, s, left in zip(target, carry.lag, now.left, strict=True)))
+        lag = target
+        for axis in lagging:
+            g, s = getattr(target, axis), getattr(carry.lag, axis)
+            lag = lag._replace(**{axis: g + (s - g) * getattr(now.left, axis)})
         return Motions(q_next, v_next, lag, z_next), None
 
     steps = now._replace(number=jnp.zeros_like(now.h, dtype=now.number.dtype))

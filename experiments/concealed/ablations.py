@@ -6,7 +6,8 @@
 `rescreening`: after an acceptance the ranking of the first screen stands; asked where two or three effects are missing.
 `seeds`: every effect starts from one place; asked where one effect is missing (of these every second case).
 `bootstrap`: Ljung's and Box's limit in place of drawn signs; asked where nothing is missing.
-Every case is diagnosed with everything, too, by the same code. Rows go to figures/data/concealed-ablations.json.
+Every case is diagnosed with everything, too, by the same code; pairs of which one is of other code are left out of the
+table, and run again here. Rows go to figures/data/concealed-ablations.json.
 """
 
 import argparse
@@ -17,7 +18,6 @@ import time
 from pathlib import Path
 
 import jbridge
-from cases import MASTER
 from figures import draw
 from play import write
 from run import FIGURES, ROOT, commit, mean_length, recordings
@@ -57,7 +57,7 @@ def row_of(truth: dict, case: Path, part: str, timeout: float) -> dict:
     """The score of one diagnosis, in a process of its own as an owner's would be."""
     out = case / f"without-{part}"
     command = [sys.executable, __file__, "--one", case, part, out]
-    start = time.monotonic()
+    code, start = commit(), time.monotonic()
     with open(case / f"without-{part}.txt", "w") as log:
         try:
             status = subprocess.run(command, stdout=log, stderr=log, timeout=timeout).returncode
@@ -65,7 +65,7 @@ def row_of(truth: dict, case: Path, part: str, timeout: float) -> dict:
             status = -1
     seconds = round(time.monotonic() - start, 2)
     report = json.loads((out / "report.json").read_text()) if status == 0 else None
-    row = score(truth, report, mean_length(case)) | {"wall": seconds, "status": status, "code": commit()}
+    row = score(truth, report, mean_length(case)) | {"wall": seconds, "status": status, "code": code}
     return row | {"without": part, "p_value": report["adequacy"]["p_value"] if report else None}
 
 
@@ -86,13 +86,16 @@ def main() -> None:
         case, part, out = chosen.one
         diagnose(Path(case), part, Path(out))
         return
-    truths = {name: t for half in sorted(MASTER) for name, t in open_truths(half).items()}
+    halves = sorted({half for halves, _, _ in WANTED.values() for half in halves})
+    truths = {name: t for half in halves for name, t in open_truths(half).items()}
+    code = commit()
     seals = json.loads(SEALS.read_text())
     rows = json.loads(DATA.read_text())["rows"] if DATA.exists() else []
     for part in chosen.part:
         for name in asked(part, truths):
             for without in (NOTHING, part):
-                if any(row["id"] == name and row["without"] == without and row["status"] == 0 for row in rows):
+                done = [row for row in rows if (row["id"], row["without"]) == (name, without) and row["code"] == code]
+                if any(row["status"] == 0 for row in done):
                     continue
                 case = write(truths[name], chosen.out.resolve(), seals[truths[name]["half"]][name])
                 row = row_of(truths[name], case, without, chosen.timeout)

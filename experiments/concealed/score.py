@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_right
+from statistics import median
 
 CHANNELS = ("x", "psi", "l")
 NO_NUMBER = {"kind", "site", "encoder", "end", "length", "knots"}
@@ -146,9 +147,14 @@ def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def placed(truth: dict, report: dict) -> dict:
-    """How well local effects were located: overlap over what both cover, or the error of a jump's time [s]."""
+    """How well local effects were located: overlap over what both cover, or the error of a jump's time [s].
+
+    Of times the median over the recordings that the report speaks of.
+    """
     where, when = report["location"].get("where", []), report["location"].get("when", [])
-    spans = [(i["start"], i["stop"]) for i in when]
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for i in when:
+        spans.setdefault(i["recording"], []).append((i["start"], i["stop"]))
     found = {}
     for e in truth["concealed"]:
         if e["kind"] in LOCAL:
@@ -156,10 +162,11 @@ def placed(truth: dict, report: dict) -> dict:
             own = [(r["low"], r["high"]) for r in where if r["variable"] == name]
             found[label(e)] = {"overlap": max((_overlap((low, high), o) for o in own), default=0.0)}
         elif e["kind"] in SPAN:
-            found[label(e)] = {"overlap": max((_overlap(SPAN[e["kind"]](e), s) for s in spans), default=0.0)}
+            best = [max(_overlap(SPAN[e["kind"]](e), s) for s in own) for own in spans.values()]
+            found[label(e)] = {"overlap": median(best) if best else 0.0}
         elif e["kind"] in JUMP:
-            errors = [abs(0.5 * (a + b) - JUMP[e["kind"]](e)) for a, b in spans]
-            found[label(e)] = {"late": min(errors, default=None)}
+            errors = [min(abs(0.5 * (a + b) - JUMP[e["kind"]](e)) for a, b in own) for own in spans.values()]
+            found[label(e)] = {"late": median(errors) if errors else None}
     return found
 
 

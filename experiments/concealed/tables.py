@@ -242,19 +242,18 @@ def without_parts(rows: list[dict]) -> list[str]:
         "effect starts from one place, where one is missing. `bootstrap`: Ljung's and Box's limit in place of drawn",
         "signs, where nothing is missing.",
         "",
-        "| without | cases | verdict right | significant at 1 % | right equation | exact set | seconds, median |",
-        "|---|---|---|---|---|---|---|",
+        "| without | cases | verdict right | significant at 1 % | right equation | exact set |",
+        "|---|---|---|---|---|---|",
     ]
     whole = {r["id"]: r for r in rows if r["without"] == "nothing"}
     for part in sorted({r["without"] for r in rows} - {"nothing"}):
-        less = [r for r in rows if r["without"] == part and r["id"] in whole]
+        less = [r for r in rows if r["without"] == part and r["code"] == whole.get(r["id"], {}).get("code")]
         for name, here in (("nothing", [whole[r["id"]] for r in less]), (part, less)):
-            told = [r | {"significant": (r["p_value"] or 0.0) <= 0.01} for r in here]
+            told = [r | {"significant": r["p_value"] is not None and r["p_value"] <= 0.01} for r in here]
             concealed = [r for r in told if r["true"]]
             shares = [share(told, "verdict_right"), share(told, "significant")]
             shares += [share(concealed, "equation_right"), share(groups(told)["catalogued"], "set_right")]
-            seconds = median(r["wall"] for r in here)
-            lines.append(f"| {name} | {len(here)} | " + " | ".join(shares) + f" | {seconds:.0f} |")
+            lines.append(f"| {name} | {len(here)} | " + " | ".join(shares) + " |")
     return lines
 
 

@@ -111,9 +111,11 @@ def _ljung_box(sums: NDArray[np.float64], span: int) -> float:
         power = float((values**2).sum())
         if power == 0.0:
             continue
-        count = int(np.count_nonzero(values))
+        seen = values != 0.0
+        count = int(seen.sum())
         lags = range(1, min(span, values.shape[1] - 1) + 1)
         together = [float((values[:, k:] * values[:, :-k]).sum()) / power for k in lags]
-        q = count * (count + 2) * sum(r**2 / max(count - k, 1) for k, r in zip(lags, together, strict=True))
+        pairs = [max(int((seen[:, k:] & seen[:, :-k]).sum()), 1) for k in lags]
+        q = count * (count + 2) * sum(r**2 / n for n, r in zip(pairs, together, strict=True))
         least, channels_seen = min(least, float(chi2.sf(q, len(lags)))), channels_seen + 1
     return min(1.0, least * max(channels_seen, 1))

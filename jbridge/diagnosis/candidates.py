@@ -94,7 +94,7 @@ def candidates(
         known: parameters that are not estimated.
         setting: recordings and noise.
         scene: what seeds go by.
-        one_seed: whether every effect starts from one place alone, the middle one of its seeds.
+        one_seed: whether every effect starts from one place alone for each choice of its options, the middle one.
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
     train = plant.drive_train
@@ -107,12 +107,21 @@ def candidates(
                 continue
             seeds = list(cls.seeds(site, scene))
             if one_seed:
-                seeds = seeds[len(seeds) // 2 :][:1]
+                seeds = _one_of_each(seeds)
             found += [_candidate(kind, site, seed) for seed in seeds]
     for number in _RIVAL_NUMBERS:
         if number in known and _matters(number, setting):
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))
     return found
+
+
+def _one_of_each(seeds: Sequence[Seed]) -> list[Seed]:
+    """The middle one of the seeds of each choice of options, such as the end of the rail at which a stop stands."""
+    by_choice: dict[tuple, list[Seed]] = {}
+    for seed in seeds:
+        choice = tuple(sorted((key, value) for key, value in seed.values.items() if isinstance(value, str)))
+        by_choice.setdefault(choice, []).append(seed)
+    return [same[len(same) // 2] for same in by_choice.values()]
 
 
 def unnamed_forces(setting: Setting, scene: Scene) -> list[Candidate]:

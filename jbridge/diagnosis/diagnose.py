@@ -6,10 +6,13 @@ from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._programs import forget
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
+from ..identify.lanes import Batch
+from ..identify.linearise import Engine
 from ..identify.result import Errors, Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
@@ -92,13 +95,17 @@ def diagnose(
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
     insist = former.names if former else frozenset()
-    search = Search(plant, model.known, setting, window, progress, insist, frozenset(leave_out))
+
+    def searching() -> Search:
+        return Search(plant, model.known, setting, window, progress, insist, frozenset(leave_out))
+
+    search = searching()
     draws = BOOTSTRAP not in leave_out
     found, p_value, large = _asked(base, setting, draws)
     explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
-    better = _as_good(base, explained) if large else None
+    better = _as_good(base, explained)
     if better is not None:
-        base = better
+        base, search = better, searching()
         found, p_value, large = _asked(base, setting, draws)
         explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
     base_plant = base.engine.table.unravel(base.vector)
@@ -126,7 +133,8 @@ def diagnose(
     final_plant = state.plant if changed else base_plant
     final_free = state.free if changed else base.free
     table = ParameterTable(final_plant, setting.units)
-    forget()  # what was tried is needed no more
+    if steps:
+        forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
@@ -215,6 +223,7 @@ def diagnose(
             "most_effects": MOST_EFFECTS,
             "effective_samples": EFFECTIVE,
             "seed": 0,
+            "left_out": sorted(leave_out),
         },
         time.perf_counter() - begun,
     )
@@ -233,11 +242,10 @@ def _as_good(base: BaseFit, explained: Explained) -> BaseFit | None:
     Then nothing was missing but a better start.
     """
     state = explained.state
-    if measurements(state.batch) != measurements(base.fitted):
+    if not explained.steps or measurements(state.batch) != measurements(base.fitted):
         return None
-    vector = transfer(state.engine.table, state.vector, base.engine.table, base.vector)
-    better = begun_anew(base, vector)
-    most = (1 + SUPERFLUOUS) * state.cost if explained.steps else (1 - SUPERFLUOUS) * float(base.fits.cost[0])
+    better = begun_anew(base, transfer(state.engine.table, state.vector, base.engine.table, base.vector))
+    most = min((1 + SUPERFLUOUS) * state.cost, (1 - SUPERFLUOUS) * float(base.fits.cost[0]))
     return better if float(better.fits.cost[0]) < most else None
 
 
@@ -253,12 +261,9 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
 
     On windows a missing force has pulled the parameters less far away than on whole recordings.
     """
-    vector = base.window_vector
-    predicted = np.asarray(base.engine.motions(vector, base.fits.initial[0], base.free_run)[1])
-    if not np.isfinite(predicted).all():  # what fits windows may run away over a whole recording
-        vector, predicted = base.vector, base.fits.gram.predicted[0]
-    plant = base.engine.table.unravel(vector)
-    shares = repeating_share(plant, setting.recordings, base.free_run, predicted, setting.noise)
+    shares = _repeating(base.engine, base.window_vector, base.fits.initial[0], base.free_run, setting)
+    if not shares:
+        shares = _repeating(base.engine, base.vector, base.fits.initial[0], base.free_run, setting)
     return max(shares.get(axis, 0.0) for axis in axes)
 
 
@@ -267,9 +272,18 @@ def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> list
     whole = lanes_for(state.engine.table, state.plant, setting, setting.recordings)
     same = whole.count == state.batch.count and np.array_equal(whole.recording, state.batch.recording)
     initial = state.initial if same else whole.initial
-    predicted = np.asarray(state.engine.motions(state.vector, initial, whole)[1])
-    shares = repeating_share(state.plant, setting.recordings, whole, predicted, setting.noise)
+    shares = _repeating(state.engine, state.vector, initial, whole, setting)
     return [shares.get(axis, 0.0) for axis in axes]
+
+
+def _repeating(
+    engine: Engine, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch, setting: Setting
+) -> dict[str, float]:
+    """By axis, the share of the missing force that repeats; none where the simulation runs away."""
+    predicted = np.asarray(engine.motions(vector, initial, batch)[1])
+    if not np.isfinite(predicted).all():
+        return {}
+    return repeating_share(engine.table.unravel(vector), setting.recordings, batch, predicted, setting.noise)
 
 
 def _numbers(

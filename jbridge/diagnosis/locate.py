@@ -5,8 +5,9 @@ force is nowhere nothing. Of every stretch of a variable it is asked how well th
 force outside the stretch; a local mismatch leaves next to nothing there and much inside.
 """
 
+import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ _BINS = 24
 _WIDEST = 0.5
 """A stretch counts as local up to this part of what was covered,"""
 _REST = 0.3
-"""if at least this part of the time was spent elsewhere,"""
+"""if at least this part of what is known of the force was learned elsewhere,"""
 _CONTRAST = 6.0
 """the mean square force inside is so many times that outside,"""
 _CLEAR = 8.0
@@ -63,7 +64,7 @@ def regions(tracks: Sequence[Track], axis: str) -> tuple[Region, ...]:
         # Friction turns round with the velocity; beside its place its direction counts.
         cell = place if name == f"v_{axis}" else 2 * place + (speed > 0)
         of_cell = np.arange(_BINS) if name == f"v_{axis}" else np.arange(2 * _BINS) // 2
-        best = _stretch(of_cell, *_means(cell, len(of_cell), force, base, weight))
+        best = _stretch(of_cell, *_means(cell, len(of_cell), force, base, weight, max(8.0, 1e-3 * weight.sum())))
         if best is None or best.clear < _CLEAR:
             continue
         inside = (place >= best.first) & (place < best.last)
@@ -75,54 +76,79 @@ def regions(tracks: Sequence[Track], axis: str) -> tuple[Region, ...]:
     return tuple(region for _, region in found[:_MOST])
 
 
-def intervals(tracks: Mapping[str, Track]) -> tuple[Interval, ...]:
+def intervals(tracks: Sequence[tuple[str, Track]]) -> tuple[Interval, ...]:
     """When the missing force acts, if it acts at the same time in all recordings, or is an event of one.
 
     Args:
-        tracks: by recording, with the force of one axis.
+        tracks: recordings by name, with the force of one axis.
     """
-    found: dict[str, tuple[_Stretch, float, float]] = {}
-    for name, track in tracks.items():
-        length = max(_CELL, float(track.times[-1]) / _CELLS)
-        cell = (track.times / length).astype(int)
+    found: list[tuple[str, _Stretch, float, float]] = []
+    telling = 0
+    for name, track in tracks:
+        end, period = float(track.times[-1]), float(np.median(np.diff(track.times)))
+        length = max(_CELL, 16 * period, end / _CELLS)
+        cell = np.minimum((track.times / length).astype(int), max(math.ceil(end / length) - 1, 0))
         count = int(cell.max()) + 1
-        told = _means(cell, count, track.force, _base(track.v, track.u), track.weight)
-        best = _stretch(np.arange(count), *told)
+        known = np.bincount(cell, weights=track.weight, minlength=count)
+        if not known.any():
+            continue
+        telling += 1
+        least = 0.3 * float(np.median(known[known > 0]))
+        base = _base(track.v, track.u)
+        best = _stretch(np.arange(count), *_means(cell, count, track.force, base, track.weight, least))
         if best is not None and best.clear >= _CLEAR:
-            found[name] = best, best.first * length, min(best.last * length, float(track.times[-1]))
-    begin, end = (float(np.median([item[i] for item in found.values()] or [0.0])) for i in (1, 2))
-    alike = {name: _overlap((a, b), (begin, end)) >= _ALIKE for name, (_, a, b) in found.items()}
-    often = len(tracks) > 1 and sum(alike.values()) >= max(2.0, _VOTES * len(tracks))
+            found.append((name, best, best.first * length, min(best.last * length, end)))
+    if not found:
+        return ()
+    middle = float(np.median([a for _, _, a, _ in found])), float(np.median([b for *_, b in found]))
+    alike = [_overlap((a, b), middle) >= _ALIKE for _, _, a, b in found]
+    often = telling > 1 and sum(alike) >= max(2.0, _VOTES * telling)
     likely, contrast = _BRIEF
-    kept = [
+    return tuple(
         Interval(name, a, b)
-        for name, (best, a, b) in found.items()
-        if (often and alike[name]) or (best.clear >= likely and best.contrast >= contrast)
-    ]
-    return tuple(kept)
+        for (name, best, a, b), same in zip(found, alike, strict=True)
+        if (often and same) or (best.clear >= likely and best.contrast >= contrast)
+    )
 
 
-def times_of(effects: Sequence[NamedEffect], recordings: Sequence[str]) -> tuple[Interval, ...]:
-    """When named effects act that count time from the start of each recording: a push, a jump."""
+def times_of(effects: Sequence[NamedEffect], recordings: Sequence[tuple[str, float]]) -> tuple[Interval, ...]:
+    """When named effects act that count time from the start of each recording: a push, a jump.
+
+    Args:
+        effects: what was named.
+        recordings: names and durations [s].
+    """
     spans: list[tuple[float, float]] = []
     for effect in effects:
         told = {key: estimate for key, estimate in effect.parameters.items() if key in ("start", "stop", "time")}
         at = {key: estimate.value for key, estimate in told.items() if isinstance(estimate.value, float)}
         if "start" in at and "stop" in at:
-            spans.append((max(at["start"], 0.0), at["stop"]))
+            spans.append((min(at["start"], at["stop"]), max(at["start"], at["stop"])))
         elif "time" in at:
             edges = [edge for edge in (told["time"].low, told["time"].high) if isinstance(edge, float)]
             around = [*edges, at["time"] - _SHORTEST, at["time"] + _SHORTEST]
-            spans.append((max(min(around), 0.0), max(around)))
-    known = [(a, b) for a, b in spans if math.isfinite(a) and math.isfinite(b)]
-    return tuple(Interval(name, a, b) for name in recordings for a, b in known)
+            spans.append((min(around), max(around)))
+    found = []
+    for name, duration in recordings:
+        inside = [(max(a, 0.0), min(b, duration)) for a, b in spans]
+        # What lasts from beginning to end is at no particular time.
+        found += [Interval(name, a, b) for a, b in inside if a < b and b - a < 0.95 * duration]
+    return tuple(found)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Neighbouring bins that hold a force, and the numbers that explain what is outside."""
+    """Neighbouring bins that hold a force."""
 
-    def __init__(self, first: int, last: int, numbers: NDArray[np.float64], clear: float, contrast: float):
-        self.first, self.last, self.numbers, self.clear, self.contrast = first, last, numbers, clear, contrast
+    first: int
+    last: int
+    """One beyond the last bin."""
+    numbers: NDArray[np.float64]
+    """How much of each base column explains what is outside."""
+    clear: float
+    """Log likelihood of two sizes of force over that of one."""
+    contrast: float
+    """Mean square inside over that outside."""
 
 
 def _joined(tracks: Sequence[Track], name: str) -> NDArray[np.float64]:
@@ -141,13 +167,14 @@ def _means(
     force: NDArray[np.float64],
     base: NDArray[np.float64],
     weight: NDArray[np.float64],
+    least: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Mean force, mean columns and weight of every cell; a mean takes away what is quick."""
+    """Mean force, mean columns and weight of every cell, 0 below the least; a mean takes away what is quick."""
     known = np.bincount(cell, weights=weight, minlength=count)
     size = np.maximum(known, 1e-300)
     columns = [force, *base.T]
     means = np.stack([np.bincount(cell, weights=weight * column, minlength=count) / size for column in columns], axis=1)
-    return means[:, 0], means[:, 1:], np.where(known >= max(8.0, 1e-3 * known.sum()), known, 0.0)
+    return means[:, 0], means[:, 1:], np.where(known >= least, known, 0.0)
 
 
 def _stretch(
@@ -165,6 +192,8 @@ def _stretch(
         return None
     bins, columns = int(place.max()) + 1, base.shape[1]
     overall = float(np.mean((force - base @ _numbers(base, force, known)) ** 2))
+    if not overall > 0.0:
+        return None
     best = None
     for width in range(1, int(_WIDEST * bins) + 1):
         for first in range(bins - width + 1):

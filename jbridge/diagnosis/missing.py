@@ -59,15 +59,25 @@ def force_along(forces: Sequence[Force], traces: Sequence[Trace], axis: str) -> 
     )
 
 
-def tracks_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str) -> dict[str, Track]:
-    """By recording, the force on an axis beside what it may hang on."""
+def tracks_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str) -> list[tuple[str, Track]]:
+    """The recordings' names, and the force on an axis beside what it may hang on.
+
+    Args:
+        forces: in the order of the traces; of some recordings there may be none.
+        traces: the training recordings.
+        axis: `x`, `psi` or `l`.
+    """
     if not forces:
-        return {}
+        return []
     widest = max(float(force.std.max()) for force in forces)
-    by_name = {trace.recording: trace for trace in traces}
     # A rope that is locked in one recording has no drive there.
     inputs = sorted({name for trace in traces for name in trace.inputs})
-    return {force.recording: _track(force, by_name[force.recording], axis, widest, inputs) for force in forces}
+    left, found = iter(traces), []
+    for force in forces:
+        # Files of different folders may have one name.
+        trace = next(trace for trace in left if trace.recording == force.recording)
+        found.append((force.recording, _track(force, trace, axis, widest, inputs)))
+    return found
 
 
 def _track(force: MissingForce, trace: Trace, axis: str, widest: float, inputs: Sequence[str]) -> Track:

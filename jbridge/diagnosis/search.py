@@ -28,12 +28,11 @@ _ALWAYS = 3
 """Candidates that are refitted whatever the screen expects."""
 _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
-_MOST = 40
-"""Iterations of a last fit."""
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
 
-RESCREENING, SEEDS, BOOTSTRAP = PARTS = ("rescreening", "seeds", "bootstrap")
+RESCREENING, SEEDS, BOOTSTRAP = "rescreening", "seeds", "bootstrap"
+PARTS = (RESCREENING, SEEDS, BOOTSTRAP)
 """What a diagnosis can do without, to measure what it is worth: screening anew after each acceptance, more than one
 seed of an effect, and significance from drawn signs in place of Ljung's and Box's limit."""
 
@@ -98,13 +97,21 @@ class Search:
 
     def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden state, on the state's own lanes."""
+        found = self._screen(state)
         if RESCREENING not in self.leave_out:
-            return self._screen(state)
+            return found
         if self._first is None:
-            self._first = self._screen(state)
-        done = {accepted.name for accepted in state.accepted}
-        left = [item for item in self._first.ranked if item.candidate.name not in done]
-        return dataclasses.replace(self._first, ranked=left)
+            self._first = found
+        # What is expected of each stays as it was; where a refit of it starts does not.
+        first: dict[tuple[str, str], Screened] = {}
+        for item in self._first.ranked:
+            first.setdefault(item.candidate.name, item)
+        kept = [
+            dataclasses.replace(item, cost=first[name].cost, gain=first[name].gain)
+            for item in found.ranked
+            if (name := item.candidate.name) in first
+        ]
+        return dataclasses.replace(found, ranked=sorted(kept, key=lambda item: item.cost))
 
     def look_closer(self, state: State, whole: Screen) -> Screen:
         """Screens again on windows, and merges the rankings.
@@ -112,6 +119,8 @@ class Search:
         On whole recordings small effects add up and stand out, but a large mismatch is no longer linear; within
         windows it is.
         """
+        if RESCREENING in self.leave_out and state.accepted:
+            return whole
         outer, self.window = self.window, WINDOW
         try:
             guess = lanes_for(state.engine.table, state.plant, self.setting, self.setting.recordings, WINDOW).initial
@@ -277,7 +286,7 @@ class Search:
         initial = batch.initial.copy()
         initial[:, :6] = near[:, :6]
         width = columns_for(len(free))
-        fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=_MOST)
+        fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
         return state_of(engine, batch, fits, known, accepted)
 
 

@@ -174,13 +174,14 @@ def location_of(
     forces: tuple[MissingForce, ...] = ()
     if latent is not None and axis is not None:
         forces = force_along(latent.forces, train, axis)
-    tracks = {} if axis is None else tracks_of(forces, train, axis)
-    where = () if axis is None else regions(list(tracks.values()), axis)
-    when = times_of(effects, [trace.recording for trace in train]) or intervals(tracks)
+    tracks = [] if axis is None else tracks_of(forces, train, axis)
+    when = times_of(effects, [(trace.recording, float(trace.times[-1])) for trace in train]) or intervals(tracks)
     if at is not None and at.endswith("_sensor"):
         # Where a sensor is at fault no force is missing, though one would look like it.
-        forces, where = (), ()
-    likeness = describe(list(tracks.values()), axis) if forces and axis is not None else None
+        forces = ()
+    alone = [track for _, track in tracks]
+    where = regions(alone, axis) if forces and axis is not None else ()
+    likeness = describe(alone, axis) if forces and axis is not None else None
     return Location(at, equation_of(axis), sites, where, when, evidence, forces, likeness)
 
 

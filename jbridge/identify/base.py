@@ -25,7 +25,7 @@ WINDOW = 2.0
 _STARTS = 4
 _MOST = 60
 """Iterations of a last fit. A dead zone, a gain and a friction of one axis make a curved valley, along which a fit
-creeps; what it leaves there would be taken for an effect."""
+takes many; what it leaves there when it is cut short would be taken for an effect."""
 _POOR = 4.0
 """Error over noise in windows above which further starts are tried."""
 _SPREAD = 0.3
@@ -69,12 +69,12 @@ def begun_anew(base: BaseFit, vector: NDArray[np.float64]) -> BaseFit:
     """
     start = base.vector.copy()
     start[base.free] = vector[base.free]
-    fits = solve(
-        base.engine, base.fitted, start[None], [base.free], columns=columns_for(len(base.free)), iterations=_MOST
-    )
+    width = columns_for(len(base.free))
+    fits = solve(base.engine, base.fitted, start[None], [base.free], columns=width, iterations=_MOST)
     if not _cost(fits) < _cost(base.fits):
         return base
-    return dataclasses.replace(base, vector=fits.vectors[0], fits=fits)
+    short = solve(base.engine, base.windows, fits.vectors, [base.free], columns=width, iterations=15)
+    return dataclasses.replace(base, vector=fits.vectors[0], fits=fits, window_vector=short.vectors[0])
 
 
 def chi(cost: float, batch: Batch) -> float:

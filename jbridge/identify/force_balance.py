@@ -109,10 +109,10 @@ def _behind_drives(
         w = chain[:, k]
         constant = float(getattr(constants, axis))
         if constant > 0:
-            keep = float(np.exp(-period / constant))
+            keep, mean = float(np.exp(-period / constant)), float(-np.expm1(-period / constant)) * constant / period
             state, lagged = 0.0, np.empty_like(w)
             for i, value in enumerate(w):
-                lagged[i] = state
+                lagged[i] = value + (state - value) * mean
                 state = value + (state - value) * keep
             w = lagged
         volts[axis] = w

@@ -24,8 +24,8 @@ def when_sentences(diagnosis: Diagnosis) -> list[str]:
     intervals: dict[str, list[str]] = {}
     for interval in diagnosis.location.when:
         intervals.setdefault(interval.recording, []).append(f"{interval.start:.1f} to {interval.stop:.1f} s")
-    same = len(intervals) > 1 and len({tuple(spans) for spans in intervals.values()}) == 1
-    if same:
+    training = {trace.recording for trace in diagnosis.traces if trace.role == "train"}
+    if len(intervals) > 1 and set(intervals) == training and len({tuple(spans) for spans in intervals.values()}) == 1:
         spans = next(iter(intervals.values()))
         return [f"In each of {len(intervals)} recordings it stands out at {', '.join(spans)}."]
     return [f"In {recording} it stands out at {', '.join(spans)}." for recording, spans in intervals.items()]

@@ -106,5 +106,7 @@ def test_one_seed_leaves_every_effect_one_place_to_start():
     scene = scene_of(setting, make_plant())
     all_seeds = found_for(setting, make_plant())
     alone = candidates(make_plant(), KNOWN, setting, scene, one_seed=True)
-    names = [c.name for c in alone]
-    assert len(names) == len(set(names)) < len(all_seeds) and set(names) == {c.name for c in all_seeds}
+    choices = [(c.name, *sorted(v for v in c.values.values() if isinstance(v, str))) for c in alone]
+    assert len(choices) == len(set(choices)) < len(all_seeds)
+    assert {c.name for c in alone} == {c.name for c in all_seeds}
+    assert {c.values["end"] for c in alone if c.kind == "end_stop"} == {"low", "high"}

@@ -1,5 +1,7 @@
 """Where a mismatch sits: a local force is found along its variable and in time, a spread one is not."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def tracks(force, count=4):
 
 
 def by_name(found):
-    return {f"run-{i}.csv": each for i, each in enumerate(found)}
+    return [(f"run-{i}.csv", each) for i, each in enumerate(found)]
 
 
 def brake(x, v, t):
@@ -90,7 +92,7 @@ def test_an_event_of_one_recording_is_timed():
 
 def test_a_long_recording_is_cut_into_as_many_bins():
     times = np.arange(60_000) * 0.01
-    found = intervals({"long.csv": track(lambda x, v, t: 2.0 * ((t > 200) & (t < 260)), times=times)})
+    found = intervals([("long.csv", track(lambda x, v, t: 2.0 * ((t > 200) & (t < 260)), times=times))])
     assert found[0].start == pytest.approx(200, abs=5) and found[0].stop == pytest.approx(260, abs=5)
 
 
@@ -102,11 +104,40 @@ def test_named_effects_tell_their_times():
     push = NamedEffect("wind", "swing", 1.0, {"start": estimate(3.0), "stop": estimate(6.5)}, (), "")
     jump = NamedEffect("missed_counts", "x_sensor", 1.0, {"time": estimate(5.3, 5.25, 5.4)}, (), "")
     drag = NamedEffect("quadratic_drag", "cart", 1.0, {"coefficient": estimate(3.0)}, (), "")
-    found = times_of([drag, push, jump], ["a.csv", "b.csv"])
+    # The second recording ends before the push does, the third before it begins.
+    found = times_of([drag, push, jump], [("a.csv", 16.0), ("b.csv", 6.0), ("b.csv", 2.0)])
     assert [(i.recording, i.start, i.stop) for i in found] == [
-        (name, *span) for name in ("a.csv", "b.csv") for span in ((3.0, 6.5), (5.25, 5.4))
-    ]
-    assert times_of([drag], ["a.csv"]) == ()
+        ("a.csv", 3.0, 6.5), ("a.csv", 5.25, 5.4), ("b.csv", 3.0, 6.0), ("b.csv", 5.25, 5.4),
+    ]  # fmt: skip
+    assert times_of([drag], [("a.csv", 16.0)]) == ()
+
+
+def test_a_push_that_never_ends_is_at_no_particular_time():
+    def push(start, stop):
+        return NamedEffect("wind", "swing", 1.0, {"start": estimate(start), "stop": estimate(stop)}, (), "")
+
+    assert times_of([push(-0.1, 32.0)], [("a.csv", 16.0)]) == ()
+    (late,) = times_of([push(5.0, 32.0)], [("a.csv", 16.0)])
+    assert (late.start, late.stop) == (5.0, 16.0)
+    (turned,) = times_of([push(8.0, 4.0)], [("a.csv", 16.0)])
+    assert (turned.start, turned.stop) == (4.0, 8.0)
+
+
+@pytest.mark.parametrize(("rate", "known"), [(20.0, 1.0), (50.0, 0.3)])
+def test_coarse_recordings_are_timed_too(rate, known):
+    times = np.arange(int(16 * rate)) / rate
+    some = [track(lambda x, v, t: 0.4 * ((t > 4) & (t < 9)), seed, times) for seed in range(4)]
+    found = intervals(by_name([dataclasses.replace(each, weight=known * each.weight) for each in some]))
+    assert len(found) >= 3
+    for interval in found:
+        assert interval.start == pytest.approx(4.0, abs=1.0) and interval.stop == pytest.approx(9.0, abs=1.0)
+
+
+def test_a_force_that_is_nothing_has_no_place_and_no_time():
+    still = dataclasses.replace(track(brake), force=np.zeros(len(TIMES)))
+    assert regions([still], "x") == () and intervals([("a.csv", still)]) == ()
+    unknown = dataclasses.replace(still, weight=np.zeros(len(TIMES)))
+    assert intervals([("a.csv", unknown)]) == ()
 
 
 def test_equations():

@@ -73,6 +73,7 @@ def draw_missing(
         course.axhline(0, color="#808080", linewidth=0.8)
         for start, stop in spans:
             course.axvspan(start, stop, color=SHADE, alpha=0.35, linewidth=0, zorder=-1)
+        course.set_xlim(0.0, float(shown.times[-1]))
         course.set_xlabel(f"time in {shortened(shown.recording)} [s]")
         course.set_ylabel(f"{quantity} [{unit}]")
         course.legend(loc="upper right", ncols=2)
@@ -82,17 +83,21 @@ def draw_missing(
             shown_unit = pretty_unit(variable_unit(variable, units)).replace("rad", "deg")
             panel.set_xlabel(f"{variable_name(variable)} [{shown_unit}]")
             panel.axhline(0, color="#808080", linewidth=0.8)
+            edges = panel.get_xlim()
             for region in where:
                 if region.variable == variable:
-                    turn = 180 / np.pi if panel.get_xlabel().endswith(("[deg]", "[deg/s]")) else 1.0
+                    turn = 180 / np.pi if variable_unit(variable, units).startswith("rad") else 1.0
                     panel.axvspan(
                         turn * region.low, turn * region.high, color=SHADE, alpha=0.35, linewidth=0, zorder=-1
                     )
+            panel.set_xlim(edges)
         panels[0].set_ylabel(f"{quantity} [{unit}]")
         if panels[0].get_legend_handles_labels()[0]:
             panels[0].legend(loc="best")
 
     told = "Smoothed from the recordings, with nothing assumed of its law. Lines: median in each direction."
+    if where or spans:
+        told += " Shaded: where or when it sits."
     return picture(name, f"Missing {quantity}", 5.6, draw, told)
 
 
