@@ -96,7 +96,9 @@ def test_table_and_pictures_come_from_kept_numbers(tmp_path):
     shown = {"measured": [None, *np.sin(t[1:])], "before": np.cos(t), "after": np.sin(t)}
     curve = {"recording": "a.csv", "t": t, "psi": shown | {"rmse": {"before": 1.0, "after": 0.1}}}
     rival = {"kind": "load_drag", "site": "swing"}
+    level = {"value": 0.004, "low": 0.0038, "high": 0.0042, "unit": "N m"}
     effect = {"kind": "coulomb_friction", "site": "swing", "probability": 0.9, "equivalents": [rival]}
+    effect["parameters"] = {"level": level, "chosen": {"value": 0.7, "low": None, "high": None, "unit": "m"}}
     both = {"before": {"psi": 1.0}, "after": {"psi": 0.1}}
     row = {"rig": UW, "name": "pendulum", "train": ["a.csv"], "holdout": ["b.csv"], "published": "0.0147 rad"}
     row |= {"verdict": "missing_physics", "statement": "It rubs.", "effects": [effect], "curves": [curve, curve]}
@@ -121,8 +123,23 @@ def test_table_and_pictures_come_from_kept_numbers(tmp_path):
     assert figures.levels_table(rows).count("| yes |") == 20
     assert all(source in text for source in SOURCES.values())
     assert "coulomb friction@swing (p 0.90; or load drag@swing)" in text
+    assert "- coulomb friction at swing: level 0.004 N m (0.0038 to 0.0042)\n" in text
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "real-rigs.json").write_text(json.dumps(run.rounded(kept)))
     figures.draw(tmp_path)
     drawn = {path.name for path in tmp_path.glob("*.png")}
     assert drawn == {"real-rigs-friction-map.png", "real-rigs-gantry.png", "real-rigs-pendulum-multiarm-uw.png"}
+
+
+def test_of_what_has_no_name_it_is_said_what_is_known():
+    place = {"variable": "x", "low": 0.2, "high": 0.4, "share": 0.8}
+    row = {"verdict": "unknown", "effects": [], "location": {"where": [place]}}
+    row["missing_force"] = {
+        "evidence": {"swing": 10.0, "cart": 250.0},
+        "likeness": {"statement": "It takes energy out."},
+    }
+    lines = figures._known(row)
+    assert "cart 250, swing 10" in lines[0] and lines[1] == "- It takes energy out."
+    assert lines[2] == "- 80 % of it lies where x is between 0.2 and 0.4."
+    assert figures._known(row | {"verdict": "missing_physics"}) == []
+    assert figures._known(row | {"missing_force": None}) == []
