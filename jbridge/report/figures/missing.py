@@ -95,7 +95,7 @@ def draw_missing(
         if panels[0].get_legend_handles_labels()[0]:
             panels[0].legend(loc="best")
 
-    told = "Smoothed from the recordings, with nothing assumed of its law. Lines: median in each direction."
+    told = "Smoothed from the recordings, no law assumed. Lines: median in each direction."
     if where or spans:
         told += " Shaded: where or when it sits."
     return picture(name, f"Missing {quantity}", 5.6, draw, told)
