@@ -251,7 +251,8 @@ def advance(
     that is less work than to write all of a stage to memory and to read it back. Forward, the loop is slower.
     """
     presliding = plant.only(PreslidingFriction)
-    lagging = {AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)}
+    # In one order in every process, so that compiled programs are found again.
+    lagging = sorted({AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)})
     most = max(-lead for lead in method.leads)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
