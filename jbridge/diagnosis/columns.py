@@ -6,6 +6,7 @@ absent enter with what they would do at a finite seed, as one column whose ampli
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -35,6 +36,7 @@ from ..model.effects.base import (
 )
 from ..model.effects.catalogue import KINDS, make_effect
 from ..model.effects.drives import ActuatorLag, DrumRadiusChange, InputDelay
+from ..model.effects.flexible import Backlash, BeltCompliance
 from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -66,28 +68,34 @@ def candidate_columns(
         along: the linearised trajectories of the lanes, where they are known already.
     """
     lanes = refined(batch.lanes, batch.substeps)
-    # Where nothing asks for the model, its number of parameters must not tell programs apart.
-    none = jnp.zeros((lanes.override_at.shape[0], 0))
-    bare = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, (none, none))
     if along is None:
         along = linearise(table, vector, initial, lanes)
+    weight = np.asarray(batch.lanes.weight)
+    asked = {kind: _part(table, vector, lanes, kind) for kind in _ASKED}
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
-    def carry(group: list[_Family]) -> None:
-        acts = _ports(
-            table if group[0].asks_plant else None,
-            tuple((family.table, family.finite) for family in group),
-            vector if group[0].asks_plant else np.zeros(0),
-            [np.array(family.points) for family in group],
-            [family.directions for family in group],
-            lanes if group[0].asks_plant else bare,
+    def acts_of(families: list[_Family]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        part = asked[families[0].asks]
+        ports, reads = _ports(
+            part.table,
+            tuple((family.table, family.finite) for family in families),
+            part.vector,
+            [np.array(family.points) for family in families],
+            [family.directions for family in families],
+            part.lanes,
             along.motions,
         )
-        if group[0].reads_only:
-            change = np.moveaxis(np.asarray(acts[1]), -1, 1)[:, :, :: batch.substeps]
-            change = change * np.asarray(batch.lanes.weight)[:, None]
+        return np.asarray(ports), np.asarray(reads)
+
+    def carry(group: list[_Family]) -> None:
+        acts = [acts_of(list(same)) for _, same in itertools.groupby(group, key=lambda family: family.kind)]
+        if group[0].asks == _SENSORS:
+            change = np.concatenate([np.moveaxis(reads, -1, 1)[:, :, :: batch.substeps] for _, reads in acts], axis=1)
+            change *= weight[:, None]
         else:
-            change = np.array(_carried(table, batch.substeps, vector, lanes, along, *acts))
+            # Always as many columns, so that one program carries all groups.
+            ports, reads = (_filled([part[k] for part in acts]) for k in range(2))
+            change = np.array(_carried(table, batch.substeps, vector, lanes, along, ports, reads))
         change = change.reshape(*change.shape[:2], -1)
         # What the linear model cannot carry through explains nothing.
         change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
@@ -100,6 +108,39 @@ def candidate_columns(
     with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
         list(pool.map(carry, _groups(found)))
     return [part for part in out if part is not None]
+
+
+def _filled(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Columns side by side, filled up to a whole group."""
+    shape = parts[0].shape[:-1]
+    return np.concatenate([*parts, np.zeros((*shape, _GROUP - sum(part.shape[-1] for part in parts)))], axis=-1)
+
+
+_NOTHING, _DRIVES, _SENSORS = _ASKED = ("nothing", "drives", "sensors")
+"""What of the model, beside its motion, decides what an absent effect does."""
+
+
+class _Part(NamedTuple):
+    """A part of the model, and the lanes with what the recordings override of it."""
+
+    table: ParameterTable | None
+    vector: NDArray[np.float64]
+    lanes: Lanes
+
+
+def _part(table: ParameterTable, vector: NDArray[np.float64], lanes: Lanes, asked: str) -> _Part:
+    """What effects of one sort ask for, and nothing more, so that one program serves all models with the same."""
+    own, places = None, np.zeros(0, np.int64)
+    if asked != _NOTHING:
+        kinds = (
+            (AbstractDrive, InputDelay) if asked == _DRIVES else (AbstractSensor, SensorDelay, BeltCompliance, Backlash)
+        )
+        effects = tuple(effect for effect in table.unravel(vector).effects if isinstance(effect, kinds))
+        own = ParameterTable(Plant(_NO_BRIDGE, effects))
+        places = table.places_of(own)
+    given = tuple(np.asarray(leaf)[:, places] for leaf in (lanes.override_at, lanes.override_to))
+    lanes = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, given)
+    return _Part(own, np.asarray(vector)[places], lanes)
 
 
 @dataclasses.dataclass
@@ -115,17 +156,10 @@ class _Family:
     """Which candidates they are."""
     points: list[NDArray[np.float64]]
     """The effect's numbers at each seed."""
-    asks_plant: bool
-    """Whether what it does depends on the model beside the motion; programs of the others serve every model with the
-    same hidden coordinates."""
-
-    reads_only: bool
-    """Whether it changes readings and moves nothing."""
-
-    @property
-    def kind(self) -> tuple[bool, bool]:
-        """Families of one kind may share a group."""
-        return self.asks_plant, self.reads_only
+    asks: str
+    """Of `_ASKED`. Families that ask for the same may share a group."""
+    kind: str
+    """Of the effect. Families of one kind share a program, which then serves whatever else the group holds."""
 
     @property
     def width(self) -> int:
@@ -142,9 +176,10 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         part = 0
         while True:
             key = (own, candidate.finite, directions.tobytes(), part)
-            asks = not isinstance(effect, AbstractForce | AbstractDamping | AbstractFriction)
-            reads = isinstance(effect, AbstractSensor | SensorDelay)
-            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], [], asks, reads))
+            asks = _NOTHING if isinstance(effect, AbstractForce | AbstractDamping | AbstractFriction) else _DRIVES
+            if isinstance(effect, AbstractSensor | SensorDelay):
+                asks = _SENSORS
+            family = families.setdefault(key, _Family(own, candidate.finite, directions, [], [], asks, effect.kind))
             if not family.members or (len(family.members) + 1) * family.width <= _GROUP:
                 break
             part += 1
@@ -152,15 +187,24 @@ def _groups(found: Sequence[Candidate]) -> list[list[_Family]]:
         family.points.append(point)
     groups: list[list[_Family]] = [[]]
     size = 0
-    for family in sorted(families.values(), key=lambda family: family.kind):
-        columns = len(family.members) * family.width
-        full = size + columns > _GROUP
-        if groups[-1] and (full or family.kind != groups[-1][0].kind):
+    for unit in _units(sorted(families.values(), key=lambda family: _ASKED.index(family.asks))):
+        columns = sum(len(family.members) * family.width for family in unit)
+        if groups[-1] and (size + columns > _GROUP or unit[0].asks != groups[-1][0].asks):
             groups.append([])
             size = 0
-        groups[-1].append(family)
+        groups[-1] += unit
         size += columns
     return groups
+
+
+def _units(families: Sequence[_Family]) -> list[list[_Family]]:
+    """Families of one kind together, as far as a group has room for them."""
+    units = []
+    for _, members in itertools.groupby(families, key=lambda family: family.kind):
+        same = list(members)
+        fits = sum(len(family.members) * family.width for family in same) <= _GROUP
+        units += [same] if fits else [[family] for family in same]
+    return units
 
 
 def _directions(candidate: Candidate) -> tuple[AbstractEffect, ParameterTable, NDArray[np.float64]]:
@@ -201,8 +245,8 @@ def _ports(
     directions: list[Float[Array, "_ _"]],
     lanes: Lanes,
     motions: Motions,
-) -> tuple[Float[Array, "lane time 13 filled"], Float[Array, "lane sample 3 filled"]]:
-    """What all seeds add at the ports and directly to the readings, filled up to a whole group."""
+) -> tuple[Float[Array, "lane time 13 column"], Float[Array, "lane sample 3 column"]]:
+    """What all seeds add at the ports and directly to the readings."""
 
     def given_of(lane: Lanes, path: Motions) -> _Given | None:
         if table is None:
@@ -228,9 +272,7 @@ def _ports(
             ports, reads = (part.reshape(*part.shape[:-2], -1) for part in jax.vmap(towards, out_axes=-2)(seeds))
         through.append(ports)
         direct.append(reads)
-    ports, reads = jnp.concatenate(through, axis=-1), jnp.concatenate(direct, axis=-1)
-    empty = [(0, 0)] * 3 + [(0, max(_GROUP - ports.shape[-1], 0))]
-    return jnp.pad(ports, empty), jnp.pad(reads, empty)
+    return jnp.concatenate(through, axis=-1), jnp.concatenate(direct, axis=-1)
 
 
 @kept(static=(0, 1))

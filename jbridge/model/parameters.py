@@ -135,6 +135,15 @@ class ParameterTable:
         """Places of all options' indices."""
         return dict(self._options)
 
+    def places_of(self, part: "ParameterTable") -> NDArray[np.int64]:
+        """Where the numbers of a plant with fewer effects stand in this vector, in that plant's order."""
+        places = np.zeros(part.size, np.int64)
+        for name in part.names():
+            places[part.positions(name)] = self.positions(name)
+        for group, place in part.options().items():
+            places[place] = self.option_place(group)
+        return places
+
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper bounds; options and references have none."""
         low, high = np.full(self.size, -math.inf), np.full(self.size, math.inf)
