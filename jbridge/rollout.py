@@ -96,13 +96,7 @@ def rollout(
         method: the Runge-Kutta method.
     """
     first, told = prepare(plant, initial, lane, substeps)
-
-    def interval(carry: Motions, now: Interval) -> tuple[Motions, Motions]:
-        carry = advance(plant, carry, now, lane.active, method=method)
-        return carry, carry
-
-    _, later = jax.lax.scan(interval, first, told)
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
+    return moved_on(plant, first, told, lane.active, method=method)
 
 
 class Sample(NamedTuple):
@@ -172,6 +166,7 @@ class _Stage(NamedTuple):
     dv: Motion
 
 
+@returned
 class Interval(NamedTuple):
     """What is known of an interval's steps before the motion is. Every field but the number has an axis of steps."""
 
@@ -233,6 +228,17 @@ def _early(share: Array, ratio: Array, mean: Array) -> Array:
     # Where the lag is long the difference from 1 would be lost in rounding.
     series = 1.0 - ratio / 3.0 + ratio**2 / 12.0 - ratio**3 / 60.0
     return jnp.where(ratio < 0.02, series, 2.0 * share * (1.0 - mean))
+
+
+def moved_on(plant: Plant, first: Motions, told: Interval, active: Axes, *, method: Method) -> Motions:
+    """The motion at every sample of the intervals that `told` has, the first one included."""
+
+    def interval(carry: Motions, now: Interval) -> tuple[Motions, Motions]:
+        carry = advance(plant, carry, now, active, method=method)
+        return carry, carry
+
+    _, later = jax.lax.scan(interval, first, told)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
 
 
 def advance(
@@ -339,8 +345,12 @@ def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: A
 
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:
     """What the encoders report of a rollout: `x`, `psi`, `l` at every sample [m, rad, m], without noise or rounding."""
-    times = lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)])
-    return read(plant, times, motions.q, motions.v)
+    return read(plant, sample_times(lane.start, lane.dt), motions.q, motions.v)
+
+
+def sample_times(start: Float[Array, ""], dt: Float[Array, " time"]) -> Float[Array, " sample"]:
+    """Times of a lane's samples [s], from that of the first one and the intervals."""
+    return start + jnp.concatenate([jnp.zeros(1, dt.dtype), jnp.cumsum(dt)])
 
 
 def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from .._programs import kept
 from .._types import AXES
 from ..identify.lanes import Batch, Lanes, refined
 from ..identify.respond import PORTS, Along, linearise, respond
+from ..identify.stages import is_drive, of_part, parts_of
 from ..inputs import Drives, drive_inputs
 from ..model.bridge import Bridge
 from ..model.effects.base import (
@@ -36,7 +36,6 @@ from ..model.effects.base import (
 )
 from ..model.effects.catalogue import KINDS, make_effect
 from ..model.effects.drives import ActuatorLag, DrumRadiusChange, InputDelay
-from ..model.effects.flexible import Backlash, BeltCompliance
 from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -71,13 +70,14 @@ def candidate_columns(
     if along is None:
         along = linearise(table, vector, initial, lanes)
     weight = np.asarray(batch.lanes.weight)
-    asked = {kind: _part(table, vector, lanes, kind) for kind in _ASKED}
+    asked = _asked(table, vector, lanes)
+    read = asked[_SENSORS]
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
     def acts_of(families: list[_Family]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         part = asked[families[0].asks]
         ports, reads = _ports(
-            part.table,
+            None if families[0].asks == _NOTHING else part.table,
             tuple((family.table, family.finite) for family in families),
             part.vector,
             [np.array(family.points) for family in families],
@@ -95,7 +95,7 @@ def candidate_columns(
         else:
             # Always as many columns, so that one program carries all groups.
             ports, reads = (_filled([part[k] for part in acts]) for k in range(2))
-            change = np.array(_carried(table, batch.substeps, vector, lanes, along, ports, reads))
+            change = np.array(_carried(read.table, batch.substeps, read.vector, read.lanes, along, ports, reads))
         change = change.reshape(*change.shape[:2], -1)
         # What the linear model cannot carry through explains nothing.
         change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
@@ -120,27 +120,21 @@ _NOTHING, _DRIVES, _SENSORS = _ASKED = ("nothing", "drives", "sensors")
 """What of the model, beside its motion, decides what an absent effect does."""
 
 
-class _Part(NamedTuple):
+class _Asked(NamedTuple):
     """A part of the model, and the lanes with what the recordings override of it."""
 
-    table: ParameterTable | None
+    table: ParameterTable
     vector: NDArray[np.float64]
     lanes: Lanes
 
 
-def _part(table: ParameterTable, vector: NDArray[np.float64], lanes: Lanes, asked: str) -> _Part:
-    """What effects of one sort ask for, and nothing more, so that one program serves all models with the same."""
-    own, places = None, np.zeros(0, np.int64)
-    if asked != _NOTHING:
-        kinds = (
-            (AbstractDrive, InputDelay) if asked == _DRIVES else (AbstractSensor, SensorDelay, BeltCompliance, Backlash)
-        )
-        effects = tuple(effect for effect in table.unravel(vector).effects if isinstance(effect, kinds))
-        own = ParameterTable(Plant(_NO_BRIDGE, effects))
-        places = table.places_of(own)
-    given = tuple(np.asarray(leaf)[:, places] for leaf in (lanes.override_at, lanes.override_to))
-    lanes = eqx.tree_at(lambda lanes: (lanes.override_at, lanes.override_to), lanes, given)
-    return _Part(own, np.asarray(vector)[places], lanes)
+def _asked(table: ParameterTable, vector: NDArray[np.float64], lanes: Lanes) -> dict[str, _Asked]:
+    """What effects of each sort ask for, and nothing more, so that one program serves all models with the same."""
+    parts = (table.part(lambda effect: False), table.part(is_drive), parts_of(table).encoders)
+    return {
+        sort: _Asked(part.table, np.asarray(vector)[part.places], of_part(part, lanes))
+        for sort, part in zip(_ASKED, parts, strict=True)
+    }
 
 
 @dataclasses.dataclass

@@ -11,13 +11,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .._programs import kept
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..rollout import MIDPOINT, Motions, readings, rollout
+from . import stages
 from .lanes import Batch, Lanes
 
 _ROWS = 4
@@ -70,7 +71,7 @@ class Engine:
         rows = len(vectors)
         places = np.full((rows, columns), -1, np.int64)
         places[:, : free.shape[1]] = free
-        jobs = []
+        jobs: list[tuple[NDArray, NDArray, NDArray]] = []
         # Few rows run one after the other in the program that a single fit needs anyway.
         width = 1 if rows < _ROWS else _ROWS
         for a in range(0, rows, width):
@@ -78,12 +79,12 @@ class Engine:
             take = np.minimum(np.arange(a, a + width), rows - 1)
             jobs.append((vectors[take], places[take], initial[take]))
 
-        def run(job: tuple) -> tuple[NDArray[np.float64], ...]:
-            tangents, residual, predicted = map(np.asarray, _tangents(self.table, *job, batch.lanes, batch.substeps))
-            table = np.concatenate([tangents, residual[:, :, None]], axis=2)
+        def run(job: tuple[NDArray, NDArray, NDArray]) -> tuple[NDArray[np.float64], ...]:
+            along, residual, predicted = map(np.asarray, stages.tangents(self.table, *job, batch.lanes, batch.substeps))
+            table = np.concatenate([along, residual[:, :, None]], axis=2)
             with np.errstate(over="ignore", invalid="ignore"):  # a trial that runs away is judged by its cost
                 products = table @ np.swapaxes(table, 2, 3)
-            return (products, predicted, tangents) if keep else (products, predicted)
+            return (products, predicted, along) if keep else (products, predicted)
 
         if len(jobs) == 1:
             parts = [run(jobs[0])]
@@ -104,43 +105,6 @@ def _predict(
     plant = table.unravel(vector)
     motions = rollout(plant, initial, lanes.lane, substeps=substeps, method=MIDPOINT)
     return motions, readings(plant, lanes.lane, motions)
-
-
-@kept(static=(0, 5))
-def _tangents(
-    table: ParameterTable,
-    vectors: Float[Array, "row parameter"],
-    free: Int[Array, "row column"],
-    initial: Float[Array, "row lane state"],
-    lanes: Lanes,
-    substeps: int,
-) -> tuple[Array, Array, Array]:
-    def one(vector: Array, places: Array, start: Array, lane: Lanes) -> tuple[Array, Array, Array]:
-        size, states = vector.shape[0], start.shape[0]
-
-        def predict(z: Array) -> Array:
-            return _predict(table, z[:size], z[size:], lane, substeps)[1]
-
-        z = jnp.concatenate([vector, start])
-        towards = (jnp.arange(size + states)[None, :] == places[:, None]).astype(z.dtype)
-        basis = jnp.concatenate([jnp.zeros((states, size), z.dtype), jnp.eye(states, dtype=z.dtype)], axis=1)
-        directions = jnp.concatenate([towards, basis])
-        predicted, tangents = _jvp_batch(predict, z, directions)
-        residual = (predicted - lane.y) * lane.weight
-        scaled = tangents * lane.weight[None]
-        return scaled.reshape(directions.shape[0], -1), residual.reshape(-1), predicted
-
-    over_lanes = jax.vmap(one, in_axes=(None, None, 0, 0))
-    return jax.vmap(over_lanes, in_axes=(0, 0, 0, None))(vectors, free, initial, lanes)
-
-
-def _jvp_batch(f: object, z: Array, directions: Array) -> tuple[Array, Array]:
-    """Value once, tangents for all directions."""
-
-    def push(direction: Array) -> tuple[Array, Array]:
-        return jax.jvp(f, (z,), (direction,))  # type: ignore[arg-type]
-
-    return jax.vmap(push, out_axes=(None, 0))(directions)
 
 
 @kept(static=(0, 4))

@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
+from numpy.typing import NDArray
 
 from .._programs import kept, returned
 from .._types import Axes
@@ -20,6 +22,7 @@ from ..model.plant import Plant, Push
 from ..rollout import MIDPOINT as _METHOD
 from ..rollout import Interval, Motions, advance, kicked, prepare, readings, rollout
 from .lanes import Lanes
+from .stages import of_part, parts_of
 
 PORTS = 13
 """What may act on an interval: changes of the inputs of cart and hoist, forces and friction levels up and down on the
@@ -38,13 +41,12 @@ class Along(NamedTuple):
     to_ports: Float[Array, "lane time state 13"]
 
 
-@kept(static=(0,))
 def linearise(
     table: ParameterTable,
-    vector: Float[Array, " parameter"],
-    initial: Float[Array, "lane state"],
+    vector: NDArray[np.float64],
+    initial: NDArray[np.float64],
     lanes: Lanes,
-    forces: Float[Array, "lane time 3"] | None = None,
+    forces: Float[Array, "lane time 3"] | NDArray[np.float64] | None = None,
 ) -> Along:
     """Trajectories of all lanes and the linearised map of every interval, which is one step (`lanes.refined`).
 
@@ -55,7 +57,18 @@ def linearise(
         lanes: the lanes, refined.
         forces: generalized forces that act besides [N, N m, N], held over each interval; none by default.
     """
+    part = parts_of(table).motion
+    return _linearise(part.table, np.asarray(vector)[part.places], initial, of_part(part, lanes), forces)
 
+
+@kept(static=(0,))
+def _linearise(
+    table: ParameterTable,
+    vector: Float[Array, " parameter"],
+    initial: Float[Array, "lane state"],
+    lanes: Lanes,
+    forces: Float[Array, "lane time 3"] | None,
+) -> Along:
     def one(start: Array, lanes: Lanes, forces: Array | None) -> Along:
         plant = _plant(table, vector, lanes)
         first, told = prepare(plant, start, lanes.lane, 1)
@@ -101,7 +114,6 @@ def linearise(
     return jax.vmap(one)(initial, lanes, forces)
 
 
-@kept(static=(0,))
 def respond(
     table: ParameterTable,
     vector: Float[Array, " parameter"],

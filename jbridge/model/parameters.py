@@ -6,8 +6,8 @@ Fits, sweeps and reports all speak of parameters through this table. A bridge's 
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -135,14 +135,12 @@ class ParameterTable:
         """Places of all options' indices."""
         return dict(self._options)
 
-    def places_of(self, part: "ParameterTable") -> NDArray[np.int64]:
-        """Where the numbers of a plant with fewer effects stand in this vector, in that plant's order."""
-        places = np.zeros(part.size, np.int64)
-        for name in part.names():
-            places[part.positions(name)] = self.positions(name)
-        for group, place in part.options().items():
-            places[place] = self.option_place(group)
-        return places
+    def part(self, keep: Callable[[AbstractEffect], bool]) -> "Part":
+        """The plant with some of its effects only."""
+        places = self.unravel(np.arange(self.size, dtype=float))
+        some = Plant(places.bridge, tuple(effect for effect in places.effects if keep(effect)))
+        table = ParameterTable(some)
+        return Part(table, np.asarray(table.ravel(some)).astype(np.int64))
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper bounds; options and references have none."""
@@ -173,6 +171,14 @@ class ParameterTable:
             leaves.append(values[offset : offset + size].reshape(shape))
             offset += size
         return jax.tree.unflatten(self.treedef, leaves if traced else jax.device_put(leaves))
+
+
+class Part(NamedTuple):
+    """A plant with some of another one's effects."""
+
+    table: ParameterTable
+    places: NDArray[np.int64]
+    """Where its numbers stand in the other one's vector."""
 
 
 def _without_site(group: str) -> str:

@@ -16,6 +16,20 @@ DRY = make_plant(
     ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
     swing_damping=0.01,
 )
+EVERY_STAGE = make_plant(
+    ("stribeck_friction", "cart", {"level": 2.0, "breakaway": 3.0, "velocity": 0.05}),
+    ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.25}),
+    ("input_delay", "cart_drive", {"delay": 0.021}),
+    ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
+    ("drum_radius_change", "hoist_drive", {"slope": 0.3, "length": 0.5}),
+    ("double_pendulum", "swing", {"hook_mass": 0.05, "link": 0.15, "damping": 0.0002}),
+    ("quadratic_drag", "hoist", {"coefficient": 4.0}),
+    ("sensor_delay", "psi_sensor", {"delay": 0.013}),
+    ("sensor_eccentricity", "x_sensor", {"amplitude": 0.002, "period": 0.1, "phase": 0.4}),
+    ("sensor_scale", "l_sensor", {"scale": 1.03}),
+    swing_damping=0.01,
+)
+"""With effects that act before the loop over time, in it, behind it, and in several of them."""
 STEP = 1e-5
 """Relative step of the differences: rounding is far below it, and few reversals change intervals within it."""
 
@@ -34,13 +48,14 @@ def two_runs(plant):
         (SMOOTH, 1e-6),
         # Along a path that sticks, the stops' times move, and a step of the difference crosses some of them.
         (DRY, 2e-2),
+        (EVERY_STAGE, 2e-2),
     ],
-    ids=["smooth", "dry"],
+    ids=["smooth", "dry", "every_stage"],
 )
 def test_tangents_against_central_differences(plant, tolerance):
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant))
-    batch = make_batch(two_runs(plant), NOISE, size=engine.table.size)
+    batch = make_batch(two_runs(plant), NOISE, size=engine.table.size, hidden=len(plant.mechanisms))
     free = np.flatnonzero(engine.table.fitted())
     columns = len(free)
 
@@ -63,7 +78,7 @@ def test_tangents_against_central_differences(plant, tolerance):
         change[place] = size
         entry = engine.table.entry(int(place))
         check(entry.name, column, gram(vector + change, batch.initial), gram(vector - change, batch.initial), size)
-    for state in range(6):
+    for state in range(batch.initial.shape[1]):
         change = np.zeros_like(batch.initial)
         change[:, state] = STEP
         up, down = gram(vector, batch.initial + change), gram(vector, batch.initial - change)
