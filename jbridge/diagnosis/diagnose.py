@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .._programs import forget
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
+from ..identify.finer import Fitted, refined
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.result import Errors, Estimate
@@ -126,17 +127,22 @@ def diagnose(
     repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = force_without_a_name(search, state) if repeats else None
     changed = bool(steps) or curved is not None
-    values, told_hardly = _numbers(state, base, setting, changed)
+    final = _fitted(state) if changed else _base_fitted(base)
+    if curved is None and state.worst <= LARGE:
+        tell("fitting once more, with finer steps")
+        final = refined(final)
+    values, told_hardly = _numbers(final, setting)
     if curved is not None:
-        state = curved
-        values = _numbers(state, base, setting, changed)[0] | values
-    final_plant = state.plant if changed else base_plant
-    final_free = state.free if changed else base.free
+        state, final = curved, _fitted(curved)
+        values = _numbers(final, setting)[0] | values
+    final_plant = _plant_of(final)
+    if not changed:
+        base_plant = final_plant
     table = ParameterTable(final_plant, setting.units)
     if steps:
         forget()  # what was tried is needed no more
     tell("opening the hold-out")
-    runs = _evaluate(base_plant, final_plant, setting, width, columns_for(len(final_free)), base)
+    runs = _evaluate(base_plant, final_plant, setting, width, final, base)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
@@ -286,29 +292,42 @@ def _repeating(
     return repeating_share(engine.table.unravel(vector), setting.recordings, batch, predicted, setting.noise)
 
 
-def _numbers(
-    state: State, base: BaseFit, setting: Setting, accepted: bool
-) -> tuple[dict[str, Estimate], tuple[str, ...]]:
+def _fitted(state: State) -> Fitted:
+    width = columns_for(len(state.free))
+    gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
+    return Fitted(state.engine, state.vector, state.free, state.initial, gram, state.batch, width)
+
+
+def _base_fitted(base: BaseFit) -> Fitted:
+    width = columns_for(len(base.free))
+    return Fitted(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted, width)
+
+
+def _plant_of(fitted: Fitted) -> Plant:
+    return fitted.engine.table.unravel(fitted.vector)
+
+
+def _numbers(fitted: Fitted, setting: Setting) -> tuple[dict[str, Estimate], tuple[str, ...]]:
     """A model's numbers with their intervals, and what the recordings hardly tell."""
-    if accepted:
-        width = columns_for(len(state.free))
-        gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
-        vector, free, initial, batch = state.vector, state.free, state.initial, state.batch
-    else:
-        width, gram = columns_for(len(base.free)), base.fits.gram
-        vector, free, initial, batch = base.vector, base.free, base.fits.initial[0], base.free_run
-    cov = covariance(gram.products[0], gram.predicted[0], len(free), width, initial, batch)
-    table = ParameterTable(state.plant if accepted else base.engine.table.unravel(base.vector), setting.units)
-    return estimates(table, vector, free, cov), tuple(warnings(table, vector, free, cov))
+    count = len(fitted.free)
+    cov = covariance(
+        fitted.gram.products[0], fitted.gram.predicted[0], count, fitted.columns, fitted.initial, fitted.batch
+    )
+    table = ParameterTable(_plant_of(fitted), setting.units)
+    return estimates(table, fitted.vector, fitted.free, cov), tuple(warnings(table, fitted.vector, fitted.free, cov))
 
 
 def _evaluate(
-    before: Plant, after: Plant, setting: Setting, width: int, width_after: int, base: BaseFit
+    before: Plant, after: Plant, setting: Setting, width: int, final: Fitted, base: BaseFit
 ) -> tuple[Run, Run, Run, Run]:
+    """Both models on what was recorded, and on the hold-out; the same one is run once."""
     like = (base.free_run, base.windows)
+
+    def runs(pool: ThreadPoolExecutor, plant: Plant, columns: int, finer: bool) -> list[Future[Run]]:
+        both = (setting.recordings, setting.holdout)
+        return [pool.submit(evaluate, plant, setting, which, columns, like, finer=finer) for which in both]
+
     with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
-        one = pool.submit(evaluate, after, setting, setting.recordings, width_after, like)
-        two = pool.submit(evaluate, before, setting, setting.recordings, width, like)
-        three = pool.submit(evaluate, after, setting, setting.holdout, width_after, like)
-        four = pool.submit(evaluate, before, setting, setting.holdout, width, like)
-        return two.result(), one.result(), four.result(), three.result()
+        last = runs(pool, after, final.columns, final.finer)
+        first = last if before is after else runs(pool, before, width, False)
+    return first[0].result(), last[0].result(), first[1].result(), last[1].result()

@@ -12,6 +12,7 @@ from .._types import AXES
 from ..model.plant import Plant
 from ..recordings import Recording
 from .base import WINDOW, channel_errors
+from .finer import less_own_error
 from .force_balance import balance
 from .lanes import Batch
 from .linearise import Engine
@@ -40,6 +41,7 @@ def evaluate(
     columns: int = 8,
     like: tuple[Batch | None, Batch | None] = (None, None),
     windows: bool = True,
+    finer: bool = False,
 ) -> Run:
     """Free-run and window errors of a model, its parameters held.
 
@@ -50,13 +52,14 @@ def evaluate(
         columns: width of a program that is compiled anyway.
         like: batches of whole recordings and of windows whose programs are compiled anyway.
         windows: whether windows are wanted.
+        finer: whether steps are to be as fine as those of `identify.finer`.
     """
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
-    batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns, like[0])
+    batch, predicted = _simulate(engine, plant, vector, setting, recordings, None, columns, like[0], finer)
     within: dict[str, float] = {}
     if windows:
-        cut, runs = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1])
+        cut, runs = _simulate(engine, plant, vector, setting, recordings, WINDOW, columns, like[1], finer)
         within = channel_errors(cut, runs)
     return Run(batch, predicted, Errors(channel_errors(batch, predicted), within))
 
@@ -70,20 +73,30 @@ def _simulate(
     window: float | None,
     columns: int,
     like: Batch | None,
+    finer: bool,
 ) -> tuple[Batch, NDArray[np.float64]]:
     batch = lanes_for(engine.table, plant, setting, recordings, window, like)
     times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
     early = (times <= START)[:, :, None]
-    lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
-    started = solve(
-        engine,
-        dataclasses.replace(batch, lanes=lanes),
-        vector[None],
-        [np.zeros(0, np.int64)],
-        columns=columns,
-        iterations=4,
-    )
-    return batch, started.gram.predicted[0]
+
+    def started(batch: Batch, initial: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
+        fits = solve(
+            engine,
+            dataclasses.replace(batch, lanes=lanes),
+            vector[None],
+            [np.zeros(0, np.int64)],
+            initial=initial[None],
+            columns=columns,
+            iterations=4,
+        )
+        return fits.initial[0], fits.gram.predicted[0]
+
+    initial, predicted = started(batch, batch.initial)
+    if finer:
+        corrected, change = less_own_error(engine, vector, initial, batch, predicted)
+        predicted = started(corrected, initial)[1] + change
+    return batch, predicted
 
 
 def traces(

@@ -93,9 +93,11 @@ class Engine:
                 parts = list(pool.map(run, jobs))
         return Gram(*(np.concatenate(part)[:rows] for part in zip(*parts, strict=True)))
 
-    def motions(self, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch) -> tuple:
-        """Motions and readings of all lanes at one parameter vector."""
-        return _motions(self.table, vector, initial, batch.lanes, batch.substeps)
+    def motions(
+        self, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch, *, finer: int = 1
+    ) -> tuple:
+        """Motions and readings of all lanes at one parameter vector, with `finer` integration steps in place of one."""
+        return _motions(self.table, vector, initial, batch.lanes, finer * batch.substeps)
 
 
 def _predict(
