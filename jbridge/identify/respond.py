@@ -83,6 +83,7 @@ def _linearise(
                 now._replace(mean=mean, early=early),
                 lanes.lane.active,
                 push=push,
+                reverse=True,  # stages as a loop: half as much to compile, and run once a screen
             )
 
         if forces is None:
