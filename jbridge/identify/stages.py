@@ -201,13 +201,16 @@ def _loop(
     active: Axes,
 ) -> Pushed:
     """Positions and velocities at all samples."""
+    # The same for all rows and lanes, which `materialise` needs.
+    number = still.number[0, 0]
 
     def one(
         vector: Array, towards: Array, overrides: Overrides, active: Axes, begun: Pushed, still: Interval
     ) -> Pushed:
         def moved(vector: Array, first: Motions, changing: Interval) -> tuple[Motion, Motion]:
             plant = table.unravel(_own(vector, overrides))
-            motions = moved_on(plant, first, eqx.combine(changing, still), active, method=MIDPOINT)
+            told = eqx.combine(changing, still)._replace(number=number)
+            motions = moved_on(plant, first, told, active, method=MIDPOINT)
             return motions.q, motions.v
 
         return Pushed(*_push(moved, (vector, *begun.value), (towards, *begun.along)))
