@@ -74,7 +74,7 @@ def candidate_columns(
     read = asked[_SENSORS]
     out: list[NDArray[np.float64] | None] = [None] * len(found)
 
-    def acts_of(families: list[_Family]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def acts_of(families: list[_Family]) -> NDArray[np.float64]:
         part = asked[families[0].asks]
         ports, reads = _ports(
             None if families[0].asks == _NOTHING else part.table,
@@ -85,17 +85,16 @@ def candidate_columns(
             part.lanes,
             along.motions,
         )
-        return np.asarray(ports), np.asarray(reads)
+        return np.asarray(reads if families[0].asks == _SENSORS else ports)
 
     def carry(group: list[_Family]) -> None:
         acts = [acts_of(list(same)) for _, same in itertools.groupby(group, key=lambda family: family.kind)]
         if group[0].asks == _SENSORS:
-            change = np.concatenate([np.moveaxis(reads, -1, 1)[:, :, :: batch.substeps] for _, reads in acts], axis=1)
+            change = np.concatenate([np.moveaxis(reads, -1, 1)[:, :, :: batch.substeps] for reads in acts], axis=1)
             change *= weight[:, None]
         else:
             # Always as many columns, so that one program carries all groups.
-            ports, reads = (_filled([part[k] for part in acts]) for k in range(2))
-            change = np.array(_carried(read.table, batch.substeps, read.vector, read.lanes, along, ports, reads))
+            change = np.array(_carried(read.table, batch.substeps, read.vector, read.lanes, along, _filled(acts)))
         change = change.reshape(*change.shape[:2], -1)
         # What the linear model cannot carry through explains nothing.
         change[:, ~np.isfinite(change).all(axis=(0, 2))] = 0.0
@@ -112,8 +111,8 @@ def candidate_columns(
 
 def _filled(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Columns side by side, filled up to a whole group."""
-    shape = parts[0].shape[:-1]
-    return np.concatenate([*parts, np.zeros((*shape, _GROUP - sum(part.shape[-1] for part in parts)))], axis=-1)
+    missing = max(_GROUP - sum(part.shape[-1] for part in parts), 0)
+    return np.concatenate([*parts, np.zeros((*parts[0].shape[:-1], missing))], axis=-1)
 
 
 _NOTHING, _DRIVES, _SENSORS = _ASKED = ("nothing", "drives", "sensors")
@@ -271,10 +270,10 @@ def _ports(
 
 @kept(static=(0, 1))
 def _carried(
-    table: ParameterTable, substeps: int, vector: Array, lanes: Lanes, along: Along, ports: Array, reads: Array
+    table: ParameterTable, substeps: int, vector: Array, lanes: Lanes, along: Along, ports: Array
 ) -> Float[Array, "lane column sample 3"]:
     """The weighted change of the readings: one program for all groups."""
-    change = respond(table, vector, lanes, along, ports) + jnp.moveaxis(reads, -1, 1)
+    change = respond(table, vector, lanes, along, ports)
     return change[:, :, ::substeps] * lanes.weight[:, None]
 
 

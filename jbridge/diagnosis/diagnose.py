@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._programs import forget
-from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
+from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, channel_errors, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
-from ..identify.finer import Fitted, refined
+from ..identify.finer import LastFit, fit_finely
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.result import Errors, Estimate
@@ -127,13 +127,14 @@ def diagnose(
     repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
     curved = force_without_a_name(search, state) if repeats else None
     changed = bool(steps) or curved is not None
-    final = _fitted(state) if changed else _base_fitted(base)
-    if curved is None and state.worst <= LARGE:
+    final = _last_fit(state) if changed else _last_fit_of_base(base)
+    reached = channel_errors(final.batch, final.gram.predicted[0], over_noise=True)
+    if curved is None and max(reached.values()) <= LARGE:
         tell("fitting once more, with finer steps")
-        final = refined(final)
+        final = fit_finely(final)
     values, told_hardly = _numbers(final, setting)
     if curved is not None:
-        state, final = curved, _fitted(curved)
+        state, final = curved, _last_fit(curved)
         values = _numbers(final, setting)[0] | values
     final_plant = _plant_of(final)
     if not changed:
@@ -292,22 +293,22 @@ def _repeating(
     return repeating_share(engine.table.unravel(vector), setting.recordings, batch, predicted, setting.noise)
 
 
-def _fitted(state: State) -> Fitted:
+def _last_fit(state: State) -> LastFit:
     width = columns_for(len(state.free))
     gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
-    return Fitted(state.engine, state.vector, state.free, state.initial, gram, state.batch, width)
+    return LastFit(state.engine, state.vector, state.free, state.initial, gram, state.batch, width)
 
 
-def _base_fitted(base: BaseFit) -> Fitted:
+def _last_fit_of_base(base: BaseFit) -> LastFit:
     width = columns_for(len(base.free))
-    return Fitted(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted, width)
+    return LastFit(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted, width)
 
 
-def _plant_of(fitted: Fitted) -> Plant:
+def _plant_of(fitted: LastFit) -> Plant:
     return fitted.engine.table.unravel(fitted.vector)
 
 
-def _numbers(fitted: Fitted, setting: Setting) -> tuple[dict[str, Estimate], tuple[str, ...]]:
+def _numbers(fitted: LastFit, setting: Setting) -> tuple[dict[str, Estimate], tuple[str, ...]]:
     """A model's numbers with their intervals, and what the recordings hardly tell."""
     count = len(fitted.free)
     cov = covariance(
@@ -318,9 +319,12 @@ def _numbers(fitted: Fitted, setting: Setting) -> tuple[dict[str, Estimate], tup
 
 
 def _evaluate(
-    before: Plant, after: Plant, setting: Setting, width: int, final: Fitted, base: BaseFit
+    before: Plant, after: Plant, setting: Setting, width: int, final: LastFit, base: BaseFit
 ) -> tuple[Run, Run, Run, Run]:
-    """Both models on what was recorded, and on the hold-out; the same one is run once."""
+    """Both models on what was recorded, and on the hold-out; the same one is run once.
+
+    Of two, only the completed one leaves so little that finer steps show.
+    """
     like = (base.free_run, base.windows)
 
     def runs(pool: ThreadPoolExecutor, plant: Plant, columns: int, finer: bool) -> list[Future[Run]]:

@@ -12,7 +12,7 @@ from .._types import AXES
 from ..model.plant import Plant
 from ..recordings import Recording
 from .base import WINDOW, channel_errors
-from .finer import less_own_error
+from .finer import FINER, less_own_error
 from .force_balance import balance
 from .lanes import Batch
 from .linearise import Engine
@@ -52,7 +52,7 @@ def evaluate(
         columns: width of a program that is compiled anyway.
         like: batches of whole recordings and of windows whose programs are compiled anyway.
         windows: whether windows are wanted.
-        finer: whether steps are to be as fine as those of `identify.finer`.
+        finer: whether to simulate with the finer steps of `identify.finer`.
     """
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
@@ -79,7 +79,9 @@ def _simulate(
     times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
     early = (times <= START)[:, :, None]
 
-    def started(batch: Batch, initial: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def started(
+        batch: Batch, initial: NDArray[np.float64], iterations: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
         fits = solve(
             engine,
@@ -88,14 +90,16 @@ def _simulate(
             [np.zeros(0, np.int64)],
             initial=initial[None],
             columns=columns,
-            iterations=4,
+            iterations=iterations,
         )
         return fits.initial[0], fits.gram.predicted[0]
 
-    initial, predicted = started(batch, batch.initial)
+    initial, predicted = started(batch, batch.initial, 4)
     if finer:
-        corrected, change = less_own_error(engine, vector, initial, batch, predicted)
-        predicted = started(corrected, initial)[1] + change
+        corrected, _ = less_own_error(engine, vector, initial, batch, predicted)
+        initial, _ = started(corrected, initial, 1)
+        fine = np.asarray(engine.motions(vector, initial, batch, finer=FINER)[1])
+        predicted = np.where(np.isfinite(fine), fine, predicted)
     return batch, predicted
 
 

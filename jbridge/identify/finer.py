@@ -1,8 +1,8 @@
-"""What steps of integration as long as a fit's cost in accuracy, and a last fit that makes up for it.
+"""How far the integration steps of a fit are off, and a last fit that makes up for it.
 
-At the steps that a fit can afford, a simulation is wrong by about half the noise of a good encoder, where a motor's
-input jumps and where friction holds or lets go. Little as that is, it is systematic, and a delay takes it up. How wrong
-it is hardly depends on the numbers: so it is found by one simulation with finer steps, and taken off what was measured.
+With steps as long as a fit can afford, a simulation is off by about half the noise of a good encoder, where a motor's
+input jumps and where friction holds or lets go. That is little, but systematic, and a delay takes it up. How far it is
+off hardly depends on the parameters: so one simulation with finer steps tells it, and it is taken off the measurements.
 """
 
 import dataclasses
@@ -20,13 +20,13 @@ FINER = 4
 """Steps in place of one. Error goes with the square of the step, so what is left is a sixteenth."""
 _ROUNDS = 2
 _WORSE = 1.02
-"""A fit is kept where its cost has not grown by more: where a simulation hangs on a hair (whether a drive breaks away
-once more), finer steps change the story, and taking them off would be no correction."""
+"""Growth of the cost up to which a correction is one. Where a little more decides whether a drive breaks away, a
+simulation with finer steps is another motion, and its difference no correction."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Fitted:
-    """One model fitted to a batch."""
+class LastFit:
+    """A model fitted to a batch, whose parameters are reported."""
 
     engine: Engine
     vector: NDArray[np.float64]
@@ -53,23 +53,27 @@ def less_own_error(
     batch: Batch,
     predicted: NDArray[np.float64],
 ) -> tuple[Batch, NDArray[np.float64]]:
-    """The batch with what finer steps would change taken off what was measured, and that change.
+    """The batch with what finer steps would change taken off the measurements.
 
     Args:
         engine: of the model.
-        vector: its parameters.
-        initial: initial states.
+        vector: its parameters, `(parameter,)`.
+        initial: initial states, `(lane, state)`.
         batch: the lanes.
-        predicted: readings at the usual steps: `(lane, sample, channel)`.
+        predicted: readings at the usual steps, `(lane, sample, channel)`.
+
+    Returns:
+        The corrected batch, and the readings with finer steps, `(lane, sample, channel)`.
     """
     fine = np.asarray(engine.motions(vector, initial, batch, finer=FINER)[1])
-    change = np.where(np.isfinite(fine) & np.isfinite(predicted), fine - predicted, 0.0)
+    weighed = np.asarray(batch.lanes.weight) > 0
+    change = np.where(weighed & np.isfinite(fine) & np.isfinite(predicted), fine - predicted, 0.0)
     y = jax.device_put(np.asarray(batch.lanes.y) - change)
-    return dataclasses.replace(batch, lanes=eqx.tree_at(lambda lanes: lanes.y, batch.lanes, y)), change
+    return dataclasses.replace(batch, lanes=eqx.tree_at(lambda lanes: lanes.y, batch.lanes, y)), fine
 
 
-def refined(fitted: Fitted) -> Fitted:
-    """The fit that finer steps would give; the same one where that is no small correction."""
+def fit_finely(fitted: LastFit) -> LastFit:
+    """What a fit with finer steps would give; `fitted` itself where the difference is no small correction."""
     now = fitted
     for _ in range(_ROUNDS):
         batch, _ = less_own_error(now.engine, now.vector, now.initial, fitted.batch, now.gram.predicted[0])

@@ -1,8 +1,9 @@
 """Tangents of free runs, in three programs: what is before the loop over time, the loop, and the encoders.
 
-Nearly all of what the compiler takes goes into the loop. An effect of a drive's or an encoder's changes nothing there,
-so that a diagnosis, which tries dozens of effects, finds the loop's program again. Each program is given the part of
-the plant that it asks for and nothing more; what its parameters do to the stages after it comes as tangents.
+Most of the compiler's time goes into the loop. An effect of a drive or an encoder changes nothing there (but for a
+delay, which cuts intervals), so that a diagnosis, which tries dozens of effects, finds the loop's program again. Each
+program is given the part of the plant that it depends on and nothing more; what that part's parameters do to the stages
+behind it comes as tangents.
 """
 
 import functools
