@@ -244,7 +244,7 @@ def _ports(
     def given_of(lane: Lanes, path: Motions) -> _Given | None:
         if table is None:
             return None
-        plant = table.unravel(jnp.where(lane.override_at > 0, lane.override_to, vector))
+        plant = table.unravel(lane.own(vector))
         return _Given(plant, drive_inputs(plant, lane.lane), readings(plant, lane.lane, path))
 
     given = jax.vmap(given_of)(lanes, motions)

@@ -296,12 +296,11 @@ def _repeating(
 def _last_fit(state: State) -> LastFit:
     width = columns_for(len(state.free))
     gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
-    return LastFit(state.engine, state.vector, state.free, state.initial, gram, state.batch, width)
+    return LastFit(state.engine, state.vector, state.free, state.initial, gram, state.batch)
 
 
 def _last_fit_of_base(base: BaseFit) -> LastFit:
-    width = columns_for(len(base.free))
-    return LastFit(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted, width)
+    return LastFit(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted)
 
 
 def _plant_of(fitted: LastFit) -> Plant:

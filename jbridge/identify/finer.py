@@ -12,6 +12,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from .base import columns_for
 from .lanes import Batch
 from .linearise import Engine, Gram
 from .solve import solve
@@ -35,10 +36,13 @@ class LastFit:
     gram: Gram
     """At the fit, one row."""
     batch: Batch
-    columns: int
-    """Of `gram`."""
     finer: bool = False
     """Whether `batch` is what was measured less the engine's own error."""
+
+    @property
+    def columns(self) -> int:
+        """Columns of `gram`'s programs."""
+        return columns_for(len(self.free))
 
     @property
     def cost(self) -> float:

@@ -42,6 +42,15 @@ class Lanes(eqx.Module):
     """1 where a recording sets a parameter of its own."""
     override_to: Float[Array, "lane parameter"]
 
+    def own(self, vector: Float[Array, " parameter"]) -> Float[Array, " parameter"]:
+        """Of one lane: the parameters common to all, with what its recording sets itself."""
+        return overridden(vector, self.override_at, self.override_to)
+
+
+def overridden(vector: Array, at: Array, to: Array) -> Array:
+    """Parameters of which some (`at` above 0) are replaced."""
+    return jnp.where(at > 0, to, vector)
+
 
 @dataclasses.dataclass(frozen=True)
 class Grid:

@@ -56,7 +56,7 @@ class Seen(NamedTuple):
 @kept(static=(0,))
 def _seen(table: ParameterTable, vector: Float[Array, " parameter"], lanes: Lanes, along: Along) -> Seen:
     def one(lanes: Lanes, along: Along) -> Seen:
-        plant = table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))
+        plant = table.unravel(lanes.own(vector))
         _, restore = ravel_pytree(jax.tree.map(lambda leaf: leaf[0], along.motions))
         count = along.to_state.shape[-1]
 
@@ -80,7 +80,7 @@ def _from_start(
     """How the first places and velocities depend on an initial-state vector: a motor, say, goes with its cart."""
 
     def one(lanes: Lanes, start: Array) -> Array:
-        plant = table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))
+        plant = table.unravel(lanes.own(vector))
         return jax.jacfwd(lambda start: ravel_pytree(initial_motion(plant, start, lanes.lane.active))[0])(start)
 
     return jax.vmap(one)(lanes, start)

@@ -1,15 +1,14 @@
-"""Residuals and their forward-mode tangents, for many parameter vectors and lanes in one program.
+"""Residuals and their forward-mode tangents, for many parameter vectors and lanes at once.
 
-A fit has few shared parameters and, for each lane, an initial state of its own. The program below rolls out every
-lane of every row (a row is one parameter vector with its free parameters) and pushes one tangent forward for each
-free parameter and each initial value. Which parameters are free is data, so one program serves all candidates.
+A fit has few shared parameters and, for each lane, an initial state of its own. Every lane of every row (a row is one
+parameter vector with its free parameters) is rolled out, with one tangent for each free parameter and each initial
+value (`stages`). Which parameters are free is data, so the programs of a structure serve every choice of them.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
@@ -103,8 +102,7 @@ class Engine:
 def _predict(
     table: ParameterTable, vector: Array, initial: Array, lanes: Lanes, substeps: int
 ) -> tuple[Motions, Float[Array, "sample 3"]]:
-    vector = jnp.where(lanes.override_at > 0, lanes.override_to, vector)
-    plant = table.unravel(vector)
+    plant = table.unravel(lanes.own(vector))
     motions = rollout(plant, initial, lanes.lane, substeps=substeps, method=MIDPOINT)
     return motions, readings(plant, lanes.lane, motions)
 

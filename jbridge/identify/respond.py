@@ -148,4 +148,4 @@ def respond(
 
 
 def _plant(table: ParameterTable, vector: Array, lanes: Lanes) -> Plant:
-    return table.unravel(jnp.where(lanes.override_at > 0, lanes.override_to, vector))
+    return table.unravel(lanes.own(vector))

@@ -37,7 +37,7 @@ from ..model.effects.sensors import SensorDelay
 from ..model.parameters import ParameterTable, Part
 from ..model.plant import Motion, Plant
 from ..rollout import MIDPOINT, Interval, Motions, moved_on, prepare, read, sample_times
-from .lanes import Lanes
+from .lanes import Lanes, overridden
 
 
 class Overrides(NamedTuple):
@@ -153,10 +153,6 @@ def _each(one: Callable, by_row: tuple, by_lane: tuple, by_both: tuple) -> Any:
     return jax.vmap(lanes, in_axes=(*(0,) * a, *(None,) * b, *(0,) * c))(*by_row, *by_lane, *by_both)
 
 
-def _own(vector: Array, overrides: Overrides) -> Array:
-    return jnp.where(overrides.at > 0, overrides.to, vector)
-
-
 @kept(static=(0, 6))
 def _before(
     table: ParameterTable,
@@ -171,7 +167,7 @@ def _before(
 
     def one(vector: Array, towards: Array, overrides: Overrides, lane: Lane, start: Array) -> tuple[Pushed, Interval]:
         def begun(vector: Array, start: Array) -> tuple[tuple[Motions, Interval], Interval]:
-            plant = table.unravel(_own(vector, overrides))
+            plant = table.unravel(overridden(vector, *overrides))
             first, told = prepare(plant, start, lane, substeps)
             changing, still = eqx.partition(told, _changing(plant))
             return (first, changing), still
@@ -183,12 +179,12 @@ def _before(
     return _each(one, (vectors, towards), (overrides, lane), (initial,))
 
 
-def _changing(plant: Plant) -> Any:
-    """Which fields of the intervals a parameter may change. Of a lag only one that there is."""
+def _changing(plant: Plant) -> Interval:
+    """Which fields of the intervals a parameter may change: those of a lag only where there is one."""
     late = next(plant.all(InputDelay), None) is not None
     lagging = {AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)}
-    driven, left = (Axes(*map(has.__contains__, Axes._fields)) for has in ({"x", "l"}, lagging))  # type: ignore[arg-type]
-    return Interval(False, late, late, driven, driven, left, left, left)  # type: ignore[arg-type]
+    driven, left = (Axes._make(axis in has for axis in Axes._fields) for has in ({"x", "l"}, lagging))
+    return Interval._make((False, late, late, driven, driven, left, left, left))
 
 
 @kept(static=(0,))
@@ -209,7 +205,7 @@ def _loop(
         vector: Array, towards: Array, overrides: Overrides, active: Axes, begun: Pushed, still: Interval
     ) -> Pushed:
         def moved(vector: Array, first: Motions, changing: Interval) -> tuple[Motion, Motion]:
-            plant = table.unravel(_own(vector, overrides))
+            plant = table.unravel(overridden(vector, *overrides))
             told = eqx.combine(changing, still)._replace(number=number)
             motions = moved_on(plant, first, told, active, method=MIDPOINT)
             return motions.q, motions.v
@@ -244,7 +240,7 @@ def _encoders(
         moved: Pushed,
     ) -> tuple[Array, Array, Array]:
         def predict(vector: Array, q: Motion, v: Motion) -> Array:
-            return read(table.unravel(_own(vector, own)), sample_times(start, dt), q, v)
+            return read(table.unravel(overridden(vector, *own)), sample_times(start, dt), q, v)
 
         predicted, along = _push(predict, (vector, *moved.value), (towards, *moved.along))
         residual = (predicted - y) * weight

@@ -39,7 +39,7 @@ def coarse():
     batch = make_batch(noiseless(), NOISE, size=engine.table.size, step=0.0051)
     free = np.array([engine.table.positions(name)[0] for name in FREE])
     fits = solve(engine, batch, vector[None], [free], columns=COLUMNS, iterations=20)
-    return LastFit(engine, fits.vectors[0], free, fits.initial[0], fits.gram, batch, COLUMNS)
+    return LastFit(engine, fits.vectors[0], free, fits.initial[0], fits.gram, batch)
 
 
 def test_own_error_is_what_keeps_the_truth_from_fitting(coarse):
