@@ -5,18 +5,25 @@ recordings must foresee it in the others; nothing is said of what does not.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .repeats import hats
 from .result import Likeness
+from .tracks import (
+    EITHER_WAY,
+    INPUT_OF,
+    Features,
+    Table,
+    Track,
+    beside,
+    features,
+    foreseen,
+    foreseen_by_few,
+    learn,
+    quarters,
+)
 
-INPUT_OF = {"x": "u_x", "psi": "u_x", "l": "u_l"}
-"""The drive that moves each axis; a swing is driven by the cart."""
-EITHER_WAY = ", direction"
-"""Marks a variable that may count differently in either direction of motion."""
 _WORDS = {
     "x": "cart's place",
     "psi": "swing's angle",
@@ -28,11 +35,6 @@ _WORDS = {
     "u_l": "hoist drive's input",
     "t": "time since the recording's start",
 }
-_PLACES, _VALUES = 24, 10
-_RIDGE = 0.02
-"""Relative to the samples: keeps what was hardly visited near nothing."""
-_SINCE = (0.0, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, *(float(x) for x in np.linspace(0.02, 1.0, 50)))
-"""Distances since the last reversal at which memory is looked for, over the span of the axis."""
 _TOLD = 0.25
 """Share of a force that must be foreseen before anything is said of it."""
 _CLEAR = 0.8
@@ -47,21 +49,6 @@ _MEMORY = 0.15
 """Further share that the distance since a reversal must foresee."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Track:
-    """One recording with the force that its model lacks on one axis."""
-
-    times: NDArray[np.float64]
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
-    u: NDArray[np.float64]
-    others: Mapping[str, NDArray[np.float64]]
-    """What else it may hang on: the other axes' `x`, `v_x` and so on, and their inputs."""
-    force: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    """How well the force is known, 0 to 1."""
-
-
 def describe(tracks: Sequence[Track], axis: str) -> Likeness:
     """Describes a force along recordings; of a single one, its quarters take the place of recordings.
 
@@ -70,37 +57,27 @@ def describe(tracks: Sequence[Track], axis: str) -> Likeness:
         axis: `x`, `psi` or `l`.
     """
     if len(tracks) == 1:
-        tracks = _quarters(tracks[0])
-    low, high = _span(tracks, lambda t: t.q)
-    top = max(float(np.quantile(np.abs(np.concatenate([t.v for t in tracks])), 0.98)), 1e-9)
-    place = _hats(tracks, lambda t: t.q, low, high, _PLACES)
-    turned = _turned(place, tracks)
-    velocity = _hats(tracks, lambda t: t.v, -top, top, _VALUES)
-    inputs = _hats(tracks, lambda t: t.u, *_span(tracks, lambda t: t.u), _VALUES)
-    others = {name: _either_way(tracks, name) for name in tracks[0].others}
-    clock = _hats(tracks, lambda t: t.times, 0.0, max(t.times[-1] for t in tracks), _PLACES)
-    both = _beside(place, turned)
-    every = _beside(both, velocity, inputs, clock, *(_beside(*pair) for pair in others.values()))
-    since = [_since_reversal(t, high - low) for t in tracks]
-    features = {
-        axis: place,
-        axis + EITHER_WAY: both,
-        f"v_{axis}": velocity,
-        INPUT_OF[axis]: inputs,
-        "t": clock,
-        **{name: _beside(*pair) for name, pair in others.items()},
+        tracks = quarters(tracks[0])
+    on = features(tracks)
+    tables = {
+        axis: on.place,
+        axis + EITHER_WAY: on.both,
+        f"v_{axis}": on.velocity,
+        INPUT_OF[axis]: on.inputs,
+        "t": on.clock,
+        **{name: beside(*pair) for name, pair in on.others.items()},
     }
-    by = {name: _share(tracks, tables) for name, tables in features.items()}
+    by = {name: _share(tracks, table) for name, table in tables.items()}
     best = most_telling(by)
-    foreseen = max(by[best], _share(tracks, every))
-    seen = _beside(both, velocity, features[best])  # what memory goes beyond
+    most = max(by[best], foreseen_by_few(tracks, on.each()))
+    seen = beside(on.both, on.velocity, tables[best])  # what memory goes beyond
     likeness = Likeness(
-        foreseen,
+        most,
         by,
-        _odd(tracks, place, turned, velocity, others, foreseen),
+        _odd(tracks, on, most),
         _energy(tracks),
-        _period(tracks, low, high, by[axis + EITHER_WAY]),
-        _share(tracks, _beside(seen, since)) - _share(tracks, seen),
+        _period(tracks, *on.span, by[axis + EITHER_WAY]),
+        _share(tracks, beside(seen, on.since)) - _share(tracks, seen),
         "",
     )
     return dataclasses.replace(likeness, statement=_sentence(likeness, rotary=axis == "psi"))
@@ -139,108 +116,27 @@ def _sentence(found: Likeness, rotary: bool) -> str:
     return f"The force that the model as given lacks {listed}."
 
 
-def _quarters(track: Track) -> list[Track]:
-    return [
-        Track(
-            track.times[rows],
-            track.q[rows],
-            track.v[rows],
-            track.u[rows],
-            {name: values[rows] for name, values in track.others.items()},
-            track.force[rows],
-            track.weight[rows],
-        )
-        for rows in np.array_split(np.arange(len(track.times)), 4)
-    ]
+def _share(tracks: Sequence[Track], table: Table) -> float:
+    return min(max(foreseen(tracks, table), 0.0), 1.0)
 
 
-def _span(tracks: Sequence[Track], pick: Callable[[Track], NDArray[np.float64]]) -> tuple[float, float]:
-    low, high = (float(x) for x in np.quantile(np.concatenate([pick(t) for t in tracks]), [0.002, 0.998]))
-    return low, high
-
-
-def _hats(
-    tracks: Sequence[Track], pick: Callable[[Track], NDArray[np.float64]], low: float, high: float, count: int
-) -> list[NDArray[np.float64]]:
-    """Hat functions of a variable; none where it does not change."""
-    if not high > low:
-        return [np.zeros((len(t.times), 0)) for t in tracks]
-    return [hats(pick(t), np.linspace(low, high, count)) for t in tracks]
-
-
-def _beside(*features: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    return [np.concatenate(parts, axis=1) for parts in zip(*features, strict=True)]
-
-
-def _either_way(tracks: Sequence[Track], name: str) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Hat functions of another variable, alike in both directions of motion, and turning round with it."""
-
-    def pick(track: Track) -> NDArray[np.float64]:
-        return track.others[name]
-
-    even = _hats(tracks, pick, *_span(tracks, pick), _VALUES)
-    return even, _turned(even, tracks)
-
-
-def _turned(even: list[NDArray[np.float64]], tracks: Sequence[Track]) -> list[NDArray[np.float64]]:
-    return [part * np.sign(t.v)[:, None] for part, t in zip(even, tracks, strict=True)]
-
-
-def _since_reversal(track: Track, span: float) -> NDArray[np.float64]:
-    """Hat functions of the distance since the velocity last changed sign, each with the sign of the velocity."""
-    sign = np.sign(track.v)
-    turned = np.flatnonzero(np.diff(sign) != 0) + 1
-    last = np.searchsorted(turned, np.arange(len(sign)), side="right")
-    origin = track.q[np.concatenate([[0], turned])[last]]
-    away = np.abs(track.q - origin) / max(span, 1e-12)
-    places = np.arange(len(_SINCE), dtype=float)  # uneven knots, taken to even ones
-    return hats(np.interp(away, np.array(_SINCE), places), places) * sign[:, None]
-
-
-def _fit(tables: Sequence[NDArray[np.float64]], tracks: Sequence[Track]) -> NDArray[np.float64]:
-    count = max(sum(t.weight.sum() for t in tracks), 1.0)
-    matrix = sum((a.T @ (a * t.weight[:, None]) for a, t in zip(tables, tracks, strict=True)), np.zeros(()))
-    right = sum((a.T @ (t.weight * t.force) for a, t in zip(tables, tracks, strict=True)), np.zeros(()))
-    return np.linalg.solve(matrix + _RIDGE * count / _PLACES * np.eye(tables[0].shape[1]), right)
-
-
-def _share(tracks: Sequence[Track], tables: list[NDArray[np.float64]]) -> float:
-    """Share of the force that what was learned from the other recordings foresees."""
-    if not tables[0].shape[1]:
-        return 0.0
-    total, left = 0.0, 0.0
-    for i, (track, table) in enumerate(zip(tracks, tables, strict=True)):
-        others = [j for j in range(len(tracks)) if j != i]
-        learned = _fit([tables[j] for j in others], [tracks[j] for j in others])
-        total += float(track.weight @ track.force**2)
-        left += float(track.weight @ (track.force - table @ learned) ** 2)
-    return float(np.clip(1.0 - left / total, 0.0, 1.0)) if total > 0 else 0.0
-
-
-def _odd(
-    tracks: Sequence[Track],
-    place: list[NDArray[np.float64]],
-    turned: list[NDArray[np.float64]],
-    velocity: list[NDArray[np.float64]],
-    others: Mapping[str, tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]],
-    foreseen: float,
-) -> float | None:
+def _odd(tracks: Sequence[Track], on: Features, most: float) -> float | None:
     """Share that turns round with the velocity, of what foresees most; None where that is not nearly everything."""
     # Velocity's hats are symmetrical about nothing, so their mirror image is the force at the opposite velocity.
-    mirrored = [c[:, ::-1] for c in velocity]
+    mirrored = [c[:, ::-1] for c in on.velocity]
     ways = [
         (
-            _beside(place, [c + m for c, m in zip(velocity, mirrored, strict=True)]),
-            _beside(turned, [c - m for c, m in zip(velocity, mirrored, strict=True)]),
+            beside(on.place, [c + m for c, m in zip(on.velocity, mirrored, strict=True)]),
+            beside(on.turned, [c - m for c, m in zip(on.velocity, mirrored, strict=True)]),
         ),
-        *others.values(),
+        *on.others.values(),
     ]
-    shares = [_share(tracks, _beside(*way)) for way in ways]
+    shares = [_share(tracks, beside(*way)) for way in ways]
     best = int(np.argmax(shares))
-    if shares[best] < max(_TOLD, _MOSTLY * foreseen):
+    if shares[best] < max(_TOLD, _MOSTLY * most):
         return None
     even, odd = ways[best]
-    learned = _fit(_beside(even, odd), tracks)
+    learned = learn(tracks, beside(even, odd))
     n = even[0].shape[1]
     powers = [
         sum(float(t.weight @ (table @ part) ** 2) for t, table in zip(tracks, tables, strict=True))

@@ -119,13 +119,14 @@ def diagnose(
         tell("asking whether the missing force repeats")
         foreseen = _foreseen(base, setting, badly)
         learnable, repeating = max(np.nan_to_num(learnable), foreseen), foreseen >= FORESEEN
+    left_repeats = bool(learnable_after >= STILL_LEARNABLE)
     if not steps:
-        learnable_after = learnable
-    elif state.worst > LARGE and not learnable_after >= STILL_LEARNABLE:
-        learnable_after = max([np.nan_to_num(learnable_after), *_still_foreseen(state, setting, badly)])
+        learnable_after, left_repeats = learnable, repeating
+    elif state.worst > LARGE and not left_repeats:
+        foreseen = _still_foreseen(state, setting, badly)
+        learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
-    repeats = alarm and state.worst > LARGE and (not steps or learnable_after >= STILL_LEARNABLE)
-    curved = force_without_a_name(search, state) if repeats else None
+    curved = force_without_a_name(search, state) if alarm and state.worst > LARGE and left_repeats else None
     changed = bool(steps) or curved is not None
     final = _last_fit(state) if changed else _last_fit_of_base(base)
     reached = channel_errors(final.batch, final.gram.predicted[0], over_noise=True)
@@ -148,7 +149,7 @@ def diagnose(
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
     # A force without a name makes the simulation usable, but it explains nothing.
-    still = bool(alarm and (curved is not None or (is_large(left) and learnable_after >= STILL_LEARNABLE)))
+    still = bool(alarm and (curved is not None or (is_large(left) and left_repeats)))
     # The model is frozen, but whoever reads the verdict must be told if the proof fails.
     in_windows = search.window is not None
     proven = carries_over(runs[2].errors, runs[3].errors, setting.noise, windows=in_windows)
@@ -274,13 +275,13 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
     return max(shares.get(axis, 0.0) for axis in axes)
 
 
-def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> list[float]:
+def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> float:
     """The same with what was named in the model."""
     whole = lanes_for(state.engine.table, state.plant, setting, setting.recordings)
     same = whole.count == state.batch.count and np.array_equal(whole.recording, state.batch.recording)
     initial = state.initial if same else whole.initial
     shares = _repeating(state.engine, state.vector, initial, whole, setting)
-    return [shares.get(axis, 0.0) for axis in axes]
+    return max((shares.get(axis, 0.0) for axis in axes), default=0.0)
 
 
 def _repeating(

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._types import EQUATIONS
-from .describe import INPUT_OF, Track
 from .result import Interval, NamedEffect, Region
+from .tracks import INPUT_OF, Track
 
 _BINS = 24
 _WIDEST = 0.5

@@ -10,8 +10,8 @@ from ..identify.base import BaseFit
 from ..identify.latent import Force, Latent, unknown_forces
 from ..identify.result import Trace
 from ..model.effects.base import AXIS_OF_SITE
-from .describe import INPUT_OF, Track
 from .result import MissingForce
+from .tracks import INPUT_OF, Track
 
 _LEAD = 10.0
 """Least log probability by which an unknown force or signal must be better than none, and than another equation's."""

@@ -1,11 +1,10 @@
 """Does what a model lacks repeat? Asked of the force that is missing, without simulating anything again.
 
 A simulation that has run away says little about what drove it off, and no linear screen can follow it. The force that
-each recorded motion needs beyond the model's stays where it acts. A flexible force over place, direction, velocity,
-input and rope length is fitted to it on all recordings but one, and must predict that one.
+each recorded motion needs beyond the model's stays where it acts.
 
-Smoothing blurs reversals, alike in every recording: the same is asked of recordings that the model itself plays, and
-what repeats there is not counted.
+Smoothing blurs reversals, many times stronger than what is looked for, and the model's own motion under the same
+input is blurred alike at the same moments: its force is taken off, and what blur is strong in counts for little.
 """
 
 import dataclasses
@@ -19,15 +18,10 @@ from ..identify.force_balance import Balance, balance
 from ..identify.lanes import Batch
 from ..model.plant import Plant
 from ..recordings import Recording
-
-_PLACES = 24
-_VALUES = 10
-_RIDGE = 0.1
-"""Relative to the number of samples: keeps what was hardly visited near nothing."""
+from .tracks import INPUT_OF, Track, features, foreseen_by_few, quarters
 
 _SEEN = 0.1
-"""Least share of the force's mean square beyond blur and noise, from which it is asked. Of less, the difference between
-the blur of two motions that are nearly the same is no small part."""
+"""Least share of the force's mean square beyond noise, from which it is asked."""
 
 
 def repeating_share(
@@ -46,28 +40,28 @@ def repeating_share(
         predicted: the model's readings on them.
         noise: standard deviation of each channel.
     """
-    played = [_played(r, batch, i, predicted[i], noise) for i, r in enumerate(recordings)]
+    silent = dict.fromkeys(noise, 0.0)
     measured = [balance(plant, r) for r in recordings]
-    simulated = [balance(plant, r) for r in played]
-    if len(recordings) == 1:
-        measured, simulated = _quarters(measured[0]), _quarters(simulated[0])
+    plain = [balance(plant, _played(r, batch, i, predicted[i], silent)) for i, r in enumerate(recordings)]
+    noisy = [balance(plant, _played(r, batch, i, predicted[i], noise)) for i, r in enumerate(recordings)]
     shares = {}
     for axis in AXES:
         if not all(axis in b.force for b in measured):
             continue
-        total, foreseen = _foreseen(measured, axis)
-        expected, blurred = _foreseen(simulated, axis)
-        if total - expected > _SEEN * total:
-            # Rougher motion is blurred more, in the proportion in which smooth motion is.
-            blurred *= total / max(expected, 1e-300)
-            shares[axis] = float(np.clip((foreseen - max(blurred, 0.0)) / (total - expected), 0.0, 1.0))
+        tracks, by_noise = _missing(measured, plain, axis), _missing(noisy, plain, axis)
+        total = _power(tracks, tracks)
+        share = 1.0 - _power(by_noise, tracks) / total if total > 0 else 0.0
+        if share > _SEEN:
+            if len(tracks) == 1:
+                tracks = quarters(tracks[0])
+            shares[axis] = float(np.clip(foreseen_by_few(tracks, features(tracks).each()) / share, 0.0, 1.0))
     return shares
 
 
 def _played(
     recording: Recording, batch: Batch, index: int, predicted: NDArray[np.float64], noise: Mapping[str, float]
 ) -> Recording:
-    """The recording as the model would have made it, noise included."""
+    """The recording as the model would have made it, with that noise."""
     grid = batch.grids[index]
     rng = np.random.default_rng(index)
     times = recording.times - recording.times[0]
@@ -79,70 +73,28 @@ def _played(
     return dataclasses.replace(recording, **changed)
 
 
-def _quarters(b: Balance) -> list[Balance]:
-    parts = []
-    for rows in np.array_split(np.arange(len(b.times)), 4):
-        q, v, force, u = ({name: values[rows] for name, values in part.items()} for part in (b.q, b.v, b.force, b.u))
-        parts.append(Balance(b.times[rows], q, v, force, u))
-    return parts
+def _missing(motions: Sequence[Balance], plain: Sequence[Balance], axis: str) -> list[Track]:
+    """What each motion's balance has on an axis and the model's own motion, smoothed alike, has not."""
+    forces = [m.force[axis] - p.force[axis] for m, p in zip(motions, plain, strict=True)]
+    size = np.abs(np.concatenate(forces))
+    known = np.isfinite(size)
+    scale = max(float(np.median(size[known])), 1e-300) if known.any() else 1.0
+    inputs = sorted({name for m in motions for name in m.u} - {INPUT_OF[axis]})
+    tracks = []
+    for m, p, force in zip(motions, plain, forces, strict=True):
+        # Two motions that are not quite the same differ most where each is blurred most.
+        weight = np.where(np.isfinite(force), 1.0 / (1.0 + (p.force[axis] / scale) ** 2), 0.0)
+        none = np.zeros_like(m.times)
+        others = {name: m.u.get(name, none) for name in inputs}
+        for other in AXES:
+            if other != axis:
+                others |= {other: m.q[other], f"v_{other}": m.v[other]}
+        own = m.u.get(INPUT_OF[axis], none)
+        tracks.append(Track(m.times, m.q[axis], m.v[axis], own, others, np.nan_to_num(force), weight))
+    return tracks
 
 
-def _foreseen(balances: Sequence[Balance], axis: str) -> tuple[float, float]:
-    """Sum of squares of an axis' force, and how much of it what was learned from the other recordings takes away."""
-    edges = _edges(balances, axis)
-    normal, right, forces, features = [], [], [], []
-    for b in balances:
-        known = np.isfinite(b.force[axis])
-        table = _features(b, axis, edges)[known]
-        force = b.force[axis][known]
-        normal.append(table.T @ table)
-        right.append(table.T @ force)
-        forces.append(force)
-        features.append(table)
-    total, left = 0.0, 0.0
-    for i, (force, table) in enumerate(zip(forces, features, strict=True)):
-        rest = [j for j in range(len(balances)) if j != i]
-        matrix = np.sum([normal[j] for j in rest], axis=0)
-        count = max(sum(len(forces[j]) for j in rest), 1)
-        ridge = _RIDGE * count / _PLACES * np.eye(len(matrix))
-        learned = np.linalg.solve(matrix + ridge, np.sum([right[j] for j in rest], axis=0))
-        total += float(force @ force)
-        left += float(np.sum((force - table @ learned) ** 2))
-    return total, total - left
-
-
-def _edges(balances: Sequence[Balance], axis: str) -> dict[str, NDArray[np.float64]]:
-    """Knots of every variable, over what the recordings cover."""
-    out = {}
-    for name, count in ((axis, _PLACES), (f"v_{axis}", _VALUES), ("l", _VALUES), (f"u_{axis}", _VALUES)):
-        values = np.concatenate([_values(b, name) for b in balances])
-        low, high = (float(edge) for edge in np.quantile(values, [0.002, 0.998]))
-        # A variable that flickers once has a range, but no values to spread knots over.
-        if high > low:
-            out[name] = np.linspace(low, high, count)
-    return out
-
-
-def _values(b: Balance, name: str) -> NDArray[np.float64]:
-    if name.startswith("v_"):
-        return b.v[name[2:]]
-    if name.startswith("u_"):
-        return b.u.get(name, np.zeros_like(b.times))
-    return b.q[name]
-
-
-def _features(b: Balance, axis: str, edges: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Hat functions of every variable; of the place, also with the direction's sign."""
-    parts = []
-    for name, knots in edges.items():
-        own = hats(_values(b, name), knots)
-        parts.append(own)
-        if name == axis:
-            parts.append(own * np.sign(b.v[axis])[:, None])
-    return np.concatenate(parts, axis=1)
-
-
-def hats(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Hat functions of a variable over evenly spaced knots: `(value, knot)`; beyond its ends the last one stays 1."""
-    at = np.clip((values - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
-    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))
+def _power(tracks: Sequence[Track], weights: Sequence[Track]) -> float:
+    """Mean square of the force, with the weights of other tracks."""
+    known = sum(float(np.sum(w.weight)) for w in weights)
+    return sum(float(w.weight @ t.force**2) for t, w in zip(tracks, weights, strict=True)) / max(known, 1e-300)

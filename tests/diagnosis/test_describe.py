@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.describe import Track, describe
+from jbridge.diagnosis.describe import describe
+from jbridge.diagnosis.tracks import Track
 
 
 def track(law, seed, noise=0.02):

@@ -2,29 +2,31 @@
 
 import numpy as np
 
-from jbridge.diagnosis.repeats import _edges, repeating_share
-from jbridge.identify.force_balance import Balance
+from jbridge.diagnosis.repeats import repeating_share
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import Setting, lanes_for
 from tests.identify.cases import DRY, NOISE, play, steps
-from tests.problems import make_plant
+from tests.problems import EVERY_AXIS, make_plant
 
 BASE = make_plant(DRY)
 COUNT = 1200
 
 
+def shares_of(base, recordings, noise):
+    setting = Setting(tuple(recordings), (), NOISE, ("x",), {}, 0.7)
+    engine = Engine(base)
+    batch = lanes_for(engine.table, base, setting, recordings)
+    predicted = np.asarray(engine.motions(np.array(engine.table.ravel(base), dtype=float), batch.initial, batch)[1])
+    return repeating_share(base, recordings, batch, predicted, noise)
+
+
 def share_of(*extra_by_run):
-    """The share for one recording a plant, each with an effect that the model does not have."""
+    """The shares for one recording a plant, each with an effect that the model does not have."""
     recordings = []
     for seed, extra in enumerate(extra_by_run):
         u = np.stack([1.6 * steps(COUNT, seed, hold=60), np.zeros(COUNT)], axis=1)
         recordings.append(play(make_plant(DRY, *extra), u, name=f"{seed}.csv", start={"x": 0.6}, seed=seed))
-    setting = Setting(tuple(recordings), (), NOISE, ("x",), {}, 0.7)
-    engine = Engine(BASE)
-    batch = lanes_for(engine.table, BASE, setting, recordings)
-    vector = np.array(engine.table.ravel(BASE), dtype=float)
-    predicted = np.asarray(engine.motions(vector, batch.initial, batch)[1])
-    return repeating_share(BASE, recordings, batch, predicted, {"x": NOISE["x"]})
+    return shares_of(BASE, recordings, {"x": NOISE["x"]})
 
 
 def ripple(phase, amplitude=1.5):
@@ -48,21 +50,26 @@ def test_one_recording_is_taken_in_quarters():
     assert share_of([]).get("x", 0.0) < 0.05
 
 
-def test_a_channel_that_flickers_once_is_no_place():
-    """Its range is not nothing, but nearly all of its values are one."""
-    steady = np.full(2000, 0.7)
-    flicker = steady.copy()
-    flicker[5:7] += 1e-4
-    force = np.random.default_rng(0).normal(size=2000)
-    motion = np.sin(np.arange(2000) * 0.01)
-    runs = [
-        Balance(np.arange(2000) * 0.005, {"x": motion, "l": flicker}, {"x": motion}, {"x": force}, {"u_x": motion})
-        for _ in range(3)
-    ]
-    edges = _edges(runs, "x")
-    assert "l" not in edges and {"x", "v_x", "u_x"} <= set(edges)
+def test_a_short_wave_along_the_rope_repeats():
+    """Of a hoist the length is the place, and is looked at as closely as a cart's."""
+    knots = np.linspace(0.3, 1.2, 21)
+
+    def winch(levels):
+        return make_plant(("position_dependent_friction", "hoist", {"knots": knots, "levels": levels}))
+
+    recordings = []
+    for seed in range(4):
+        u = np.stack([np.zeros(COUNT), 2.5 * steps(COUNT, seed, hold=60) - 0.45], axis=1)
+        true = winch(np.where(np.arange(21) % 2, 1.6, 2.4))
+        recordings.append(play(true, u, name=f"{seed}.csv", start={"l": 0.7}, seed=seed, active=EVERY_AXIS))
+    assert shares_of(winch(np.full(21, 2.0)), recordings, NOISE)["l"] > 0.5
 
 
-def test_a_force_far_below_the_blur_is_not_judged():
-    assert "x" not in share_of(*[ripple(0.4, amplitude=0.03)] * 4)
+def test_a_force_far_below_the_blur_of_reversals_is_seen():
+    """The balance smooths friction that jumps by 7 N."""
+    assert share_of(*[ripple(0.4, amplitude=0.05)] * 4)["x"] > 0.5
+
+
+def test_a_force_far_below_the_noise_is_not_judged():
+    assert "x" not in share_of(*[ripple(0.4, amplitude=0.001)] * 4)
     assert "x" in share_of(*[ripple(0.4)] * 4)

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
-from ...diagnosis.describe import INPUT_OF
 from ...diagnosis.result import Region
+from ...diagnosis.tracks import INPUT_OF
 from ...identify.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
