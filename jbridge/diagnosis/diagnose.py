@@ -291,7 +291,7 @@ def _repeating(
     predicted = np.asarray(engine.motions(vector, initial, batch)[1])
     if not np.isfinite(predicted).all():
         return {}
-    return repeating_share(engine.table.unravel(vector), setting.recordings, batch, predicted, setting.noise)
+    return repeating_share(engine.table.unravel(vector), batch, predicted, setting.noise)
 
 
 def _last_fit(state: State) -> LastFit:

@@ -68,6 +68,8 @@ def regions(tracks: Sequence[Track], axis: str) -> tuple[Region, ...]:
         if best is None or best.clear < _CLEAR:
             continue
         inside = (place >= best.first) & (place < best.last)
+        if _goes_on(force, base, 2 * (values - low) / (high - low) - 1, weight, inside):
+            continue
         left = force - base @ best.numbers
         share = float(np.sum((weight * left**2)[inside]) / np.sum(weight * left**2))
         if share >= _SHARE and _votes(tracks, inside, left, weight):
@@ -216,6 +218,24 @@ def _stretch(
 def _numbers(base: NDArray[np.float64], force: NDArray[np.float64], known: NDArray[np.float64]) -> NDArray[np.float64]:
     root = np.sqrt(known)
     return np.asarray(np.linalg.lstsq(base * root[:, None], force * root, rcond=1e-6)[0], np.float64)
+
+
+def _goes_on(
+    force: NDArray[np.float64],
+    base: NDArray[np.float64],
+    along: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    inside: NDArray[np.bool_],
+) -> bool:
+    """Whether what is inside a stretch is what comes of a straight line through what is outside.
+
+    A gain that changes with the place is small about the middle, and no more local for that.
+    """
+    columns = np.concatenate([base, base * along[:, None], np.ones((len(along), 1)), along[:, None]], axis=1)
+    numbers = _numbers(columns[~inside], force[~inside], weight[~inside])
+    power = weight * (force - columns @ numbers) ** 2
+    own = power[inside].sum() / max(weight[inside].sum(), 1e-300)
+    return bool(own < _CONTRAST * power[~inside].sum() / max(weight[~inside].sum(), 1e-300))
 
 
 def _votes(

@@ -7,17 +7,15 @@ Smoothing blurs reversals, many times stronger than what is looked for, and the 
 input is blurred alike at the same moments: its force is taken off, and what blur is strong in counts for little.
 """
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
-from ..identify.force_balance import Balance, balance
+from ..identify.force_balance import Balance, balance, played
 from ..identify.lanes import Batch
 from ..model.plant import Plant
-from ..recordings import Recording
 from .tracks import INPUT_OF, Track, features, foreseen_by_few, quarters
 
 _SEEN = 0.1
@@ -26,7 +24,6 @@ _SEEN = 0.1
 
 def repeating_share(
     plant: Plant,
-    recordings: Sequence[Recording],
     batch: Batch,
     predicted: NDArray[np.float64],
     noise: Mapping[str, float],
@@ -35,15 +32,14 @@ def repeating_share(
 
     Args:
         plant: the fitted model.
-        recordings: measured runs. Of a single one, quarters take the place of recordings.
-        batch: whole recordings, in the same order.
+        batch: whole recordings. Of a single one, quarters take the place of recordings.
         predicted: the model's readings on them.
         noise: standard deviation of each channel.
     """
-    silent = dict.fromkeys(noise, 0.0)
-    measured = [balance(plant, r) for r in recordings]
-    plain = [balance(plant, _played(r, batch, i, predicted[i], silent)) for i, r in enumerate(recordings)]
-    noisy = [balance(plant, _played(r, batch, i, predicted[i], noise)) for i, r in enumerate(recordings)]
+    runs = list(zip(batch.grids, predicted[: len(batch.grids)], strict=True))
+    measured = [balance(plant, grid.recording) for grid, _ in runs]
+    plain = [balance(plant, played(grid, y)) for grid, y in runs]
+    noisy = [balance(plant, played(grid, y, noise, seed)) for seed, (grid, y) in enumerate(runs)]
     shares = {}
     for axis in AXES:
         if not all(axis in b.force for b in measured):
@@ -58,24 +54,9 @@ def repeating_share(
     return shares
 
 
-def _played(
-    recording: Recording, batch: Batch, index: int, predicted: NDArray[np.float64], noise: Mapping[str, float]
-) -> Recording:
-    """The recording as the model would have made it, with that noise."""
-    grid = batch.grids[index]
-    rng = np.random.default_rng(index)
-    times = recording.times - recording.times[0]
-    changed = {}
-    for k, axis in enumerate(AXES):
-        if getattr(recording, axis) is not None:
-            clean = np.interp(times, grid.times, predicted[: grid.intervals + 1, k])
-            changed[axis] = clean + noise.get(axis, 0.0) * rng.standard_normal(len(times))
-    return dataclasses.replace(recording, **changed)
-
-
 def _missing(motions: Sequence[Balance], plain: Sequence[Balance], axis: str) -> list[Track]:
     """What each motion's balance has on an axis and the model's own motion, smoothed alike, has not."""
-    forces = [m.force[axis] - p.force[axis] for m, p in zip(motions, plain, strict=True)]
+    forces = [m.less(p).force[axis] for m, p in zip(motions, plain, strict=True)]
     size = np.abs(np.concatenate(forces))
     known = np.isfinite(size)
     scale = max(float(np.median(size[known])), 1e-300) if known.any() else 1.0

@@ -13,8 +13,8 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .base import WINDOW, channel_errors
 from .finer import FINER, less_own_error
-from .force_balance import balance
-from .lanes import Batch
+from .force_balance import balance, played
+from .lanes import Batch, Grid
 from .linearise import Engine
 from .result import Errors, Trace
 from .setting import Setting, lanes_for
@@ -126,8 +126,8 @@ def traces(
         for column, name in enumerate(("u_x", "u_l")):
             if getattr(recording, name) is not None:
                 inputs[name] = np.append(grid.u[:, column], grid.u[-1, column])
-        first, last = balance(before[0], recording), balance(after[0], recording)
-
+        first = balance(before[0], recording)
+        forces = [_unexplained(plant, grid, run.predicted[i]) for plant, run in (before, after)]
         near = np.clip(np.searchsorted(first.times, grid.times), 0, len(first.times) - 1)
         out.append(
             Trace(
@@ -140,11 +140,24 @@ def traces(
                 runs[1],
                 _at(near, first.q),
                 _at(near, first.v),
-                _at(near, first.force),
-                _at(near, last.force),
+                *(_at(near, force) for force in forces),
             )
         )
     return tuple(out)
+
+
+def _unexplained(plant: Plant, grid: Grid, predicted: NDArray[np.float64]) -> Mapping[str, NDArray[np.float64]]:
+    """A recording's force balance by axis, less the model's own where that runs close enough to be blurred alike."""
+    whole = balance(plant, grid.recording)
+    if not np.isfinite(predicted).all():
+        return whole.force
+    left = whole.less(balance(plant, played(grid, predicted))).force
+
+    def size(force: NDArray[np.float64]) -> float:
+        known = np.abs(force[np.isfinite(force)])
+        return float(np.median(known)) if len(known) else np.inf
+
+    return {axis: left[axis] if size(left[axis]) < size(force) else force for axis, force in whole.force.items()}
 
 
 def _at(near: NDArray[np.int64], values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:

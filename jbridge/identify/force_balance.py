@@ -21,6 +21,7 @@ from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
+from .lanes import Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""
@@ -36,6 +37,10 @@ class Balance:
     force: Mapping[str, NDArray[np.float64]]
     """Missing force by axis [N, N m, N]; NaN where the axis rests or reverses, since friction may hold anything."""
     u: Mapping[str, NDArray[np.float64]]
+
+    def less(self, own: "Balance") -> "Balance":
+        """The same less the force of another motion under nearly the same input, which is blurred alike."""
+        return dataclasses.replace(self, force={axis: force - own.force[axis] for axis, force in self.force.items()})
 
 
 def balance(plant: Plant, recording: Recording) -> Balance:
@@ -90,6 +95,34 @@ def balance(plant: Plant, recording: Recording) -> Balance:
         smooth = np.convolve(filled, np.ones(width) / width, mode="same") / np.maximum(weight, 1e-9)
         out[axis] = np.where(known & (weight > 0.99), smooth, np.nan)
     return Balance(t, q, v, out, u)
+
+
+def played(
+    grid: Grid,
+    predicted: NDArray[np.float64],
+    noise: Mapping[str, float] | None = None,
+    seed: int = 0,
+) -> Recording:
+    """A recording as a model would have made it.
+
+    Smoothing blurs reversals, and what blur takes for a force is many times what is looked for. A model's own motion
+    is blurred alike at the same moments, so its balance tells what of the recording's is blur.
+
+    Args:
+        grid: the measured run.
+        predicted: the model's readings there: `(sample, 3)` [m, rad, m].
+        noise: standard deviation by channel; none adds nothing.
+        seed: of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    recording = grid.recording
+    times = recording.times - recording.times[0]
+    changed = {}
+    for k, axis in enumerate(AXES):
+        if getattr(recording, axis) is not None:
+            clean = np.interp(times, grid.times, predicted[: grid.intervals + 1, k])
+            changed[axis] = clean + (noise or {}).get(axis, 0.0) * rng.standard_normal(len(times))
+    return dataclasses.replace(recording, **changed)
 
 
 @kept()

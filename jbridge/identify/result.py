@@ -42,7 +42,8 @@ class Trace:
     velocities: Mapping[str, NDArray[np.float64]]
     """Its rate [m/s, rad/s, m/s]."""
     force_before: Mapping[str, NDArray[np.float64]]
-    """Force that the motion needs beyond the model's, by axis [N, N m, N]; NaN where an axis rests or reverses."""
+    """Force that the motion needs beyond the model's, by axis [N, N m, N]; NaN where an axis rests or reverses.
+    Where the model's own motion runs close, what it would seem to need is taken off, since smoothing blurs it alike."""
     force_after: Mapping[str, NDArray[np.float64]]
 
 

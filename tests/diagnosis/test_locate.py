@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.describe import Track
 from jbridge.diagnosis.locate import equation_of, intervals, regions, times_of
 from jbridge.diagnosis.result import NamedEffect
+from jbridge.diagnosis.tracks import Track
 from jbridge.identify.result import Estimate
 
 TIMES = np.arange(1600) * 0.01
@@ -61,10 +61,12 @@ def test_a_force_at_high_speed_is_found_there():
     [
         lambda x, v, t: 0.8 * np.sign(v),
         lambda x, v, t: np.sin(40 * x),
+        lambda x, v, t: 3.0 * np.sign(v) * (x - 0.5),
+        lambda x, v, t: 3.0 * (x - 0.4),
         lambda x, v, t: 0 * x,
         lambda x, v, t: np.random.default_rng(7).normal(0, 0.5, len(x)),
     ],
-    ids=["friction", "ripple", "nothing", "noise"],
+    ids=["friction", "ripple", "a gain that changes with the place", "spring", "nothing", "noise"],
 )
 def test_a_force_everywhere_has_no_place_and_no_time(force):
     assert regions(tracks(force), "x") == ()

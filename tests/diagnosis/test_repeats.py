@@ -17,7 +17,7 @@ def shares_of(base, recordings, noise):
     engine = Engine(base)
     batch = lanes_for(engine.table, base, setting, recordings)
     predicted = np.asarray(engine.motions(np.array(engine.table.ravel(base), dtype=float), batch.initial, batch)[1])
-    return repeating_share(base, recordings, batch, predicted, noise)
+    return repeating_share(base, batch, predicted, noise)
 
 
 def share_of(*extra_by_run):

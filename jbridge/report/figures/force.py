@@ -1,6 +1,7 @@
 """The force that the motion needs beyond the model's, against what it may depend on."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,12 +20,23 @@ FORCES = {
     "psi": ("torque on the swing", "N m"),
     "l": ("force along the rope", "N"),
 }
+_FALLING = {"x": "the cart moves back", "psi": "the swing moves back", "l": "the rope gets shorter"}
 _MOST_POINTS = 4000
 _MOST_PANELS = 4
 _BINS = 36
 _LEAST_IN_BIN = 12
 
 Points = NDArray[np.float64]
+
+
+class Table(NamedTuple):
+    """Points of all recordings, one row each."""
+
+    values: Points
+    before: Points
+    after: Points
+    direction: Points
+    """1 or -1: whether the axis moved up or down."""
 
 
 def draw_force(
@@ -62,7 +74,7 @@ def draw_force(
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
         top = _top([table for _, table in panels])
         for panel, (variable, table) in zip(grid.flat, panels, strict=True):
-            _draw_panel(panel, table, labels, jumps=variable[:2] in ("v_", "u_"))
+            _draw_panel(panel, table, labels, driven=variable in (f"v_{axis}", INPUT_OF[axis]))
             spans = [(region.low, region.high) for region in regions if region.variable == variable]
             factor = 180 / np.pi if variable_unit(variable, units).startswith("rad") else 1.0
             low, high = panel.get_xlim()
@@ -77,8 +89,11 @@ def draw_force(
         handles, names = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=2)
 
-    explanation = "What the motion needs beyond the model. Lines: running median." + (
-        " Yellow: where the mismatch sits." if regions else ""
+    both = any(variable not in (f"v_{axis}", INPUT_OF[axis]) for variable, _ in panels)
+    explanation = (
+        "Lines: running median"
+        + (f", dashed where {_FALLING[axis]}." if both else ".")
+        + (" Yellow: where the mismatch sits." if regions else "")
     )
     return picture(name, f"Unexplained {quantity}", 0.6 + 2.8 * rows, draw, explanation)
 
@@ -87,9 +102,9 @@ def _shown_unit(variable: str, units: Mapping[str, str]) -> str:
     return pretty_unit(variable_unit(variable, units)).replace("rad", "deg")
 
 
-def _pool(traces: Sequence[Trace], axis: str, variable: str) -> tuple[Points, Points, Points] | None:
+def _pool(traces: Sequence[Trace], axis: str, variable: str) -> Table | None:
     """A variable, and the force before and after, over all recordings; None where that cannot be drawn."""
-    pooled: list[tuple[Points, Points, Points]] = []
+    pooled: list[Table] = []
     for trace in traces:
         values = values_of(trace, variable)
         if values is None or axis not in trace.force_before:
@@ -97,11 +112,12 @@ def _pool(traces: Sequence[Trace], axis: str, variable: str) -> tuple[Points, Po
         before = trace.force_before[axis]
         after = trace.force_after.get(axis, np.full_like(before, np.nan))
         keep = np.isfinite(values) & (np.isfinite(before) | np.isfinite(after))
-        pooled.append((values[keep], before[keep], after[keep]))
+        columns = (values, before, after, np.sign(trace.velocities[axis]))
+        pooled.append(Table(*(column[keep] for column in columns)))
     if not pooled:
         return None
-    values, before, after = (np.concatenate(column) for column in zip(*pooled, strict=True))
-    return (values, before, after) if values.size > _LEAST_IN_BIN and np.ptp(values) > 0 else None
+    table = Table(*(np.concatenate(column) for column in zip(*pooled, strict=True)))
+    return table if table.values.size > _LEAST_IN_BIN and np.ptp(table.values) > 0 else None
 
 
 def values_of(trace: Trace, variable: str) -> Points | None:
@@ -115,24 +131,30 @@ def values_of(trace: Trace, variable: str) -> Points | None:
     return None if values is None else values * (180 / np.pi if variable.endswith("psi") else 1.0)
 
 
-def _top(tables: Sequence[tuple[Points, Points, Points]]) -> float:
+def _top(tables: Sequence[Table]) -> float:
     """A limit that shows nearly all points, since differentiated noise has outliers."""
-    forces = np.concatenate([np.concatenate((before, after)) for _, before, after in tables])
+    forces = np.concatenate([np.concatenate((table.before, table.after)) for table in tables])
     sizes = np.abs(forces[np.isfinite(forces)])
     return 1.25 * float(np.quantile(sizes, 0.985)) if sizes.size and sizes.max() > 0 else 1.0
 
 
-def _draw_panel(panel: Axes, table: tuple[Points, Points, Points], labels: tuple[str, str], jumps: bool) -> None:
-    values, *forces = table
-    step = max(values.size // _MOST_POINTS, 1)
-    for force, colour, said in zip(forces, (BEFORE, AFTER), labels, strict=True):
-        if said:
-            dots = values[::step], force[::step]
-            panel.plot(*dots, ".", color=colour, alpha=0.16, markersize=3.0, markeredgewidth=0, zorder=1)
-            centres, medians = running_median(values, force, jumps)
+def _draw_panel(panel: Axes, table: Table, labels: tuple[str, str], driven: bool) -> None:
+    """Dots and running medians; of what does not itself tell the direction of motion one for either direction."""
+    step = max(table.values.size // _MOST_POINTS, 1)
+    every = np.ones(table.values.size, bool)
+    ways = [(every, "-")] if driven else [(table.direction > 0, "-"), (table.direction < 0, (0, (2.5, 1.2)))]
+    for force, colour, said in zip((table.before, table.after), (BEFORE, AFTER), labels, strict=True):
+        if not said:
+            continue
+        dots = table.values[::step], force[::step]
+        panel.plot(*dots, ".", color=colour, alpha=0.16, markersize=3.0, markeredgewidth=0, zorder=1)
+        for number, (way, dashes) in enumerate(ways):
+            centres, medians = running_median(table.values[way], force[way], driven)
             # A white rim keeps the line apart from its own dots.
             panel.plot(centres, medians, color="white", linewidth=4.0, zorder=2)
-            panel.plot(centres, medians, color=colour, linewidth=2.2, zorder=3, label=said)
+            name = said if number == 0 else "_"
+            panel.plot(centres, medians, color=colour, linewidth=2.2, linestyle=dashes, zorder=3, label=name)
+    values = table.values
     low, high = np.quantile(values, [0.002, 0.998])
     margin = 0.03 * (high - low) or 0.5
     panel.set_xlim(low - margin, high + margin)
