@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._programs import forget
-from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, channel_errors, check_runs, columns_for, measurements
+from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, columns_for, measurements
 from ..identify.evaluate import Run, evaluate, traces
 from ..identify.finer import LastFit, fit_finely
 from ..identify.lanes import Batch
@@ -128,9 +128,8 @@ def diagnose(
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
     curved = force_without_a_name(search, state) if alarm and state.worst > LARGE and left_repeats else None
     changed = bool(steps) or curved is not None
-    final = _last_fit(state) if changed else _last_fit_of_base(base)
-    reached = channel_errors(final.batch, final.gram.predicted[0], over_noise=True)
-    if curved is None and max(reached.values()) <= LARGE:
+    final = _last_fit(state) if changed else LastFit.of(base)
+    if curved is None:
         tell("fitting once more, with finer steps")
         final = fit_finely(final)
     values, told_hardly = _numbers(final, setting)
@@ -298,10 +297,6 @@ def _last_fit(state: State) -> LastFit:
     width = columns_for(len(state.free))
     gram = state.engine.gram(state.vector[None], state.free[None], state.initial[None], state.batch, columns=width)
     return LastFit(state.engine, state.vector, state.free, state.initial, gram, state.batch)
-
-
-def _last_fit_of_base(base: BaseFit) -> LastFit:
-    return LastFit(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted)
 
 
 def _plant_of(fitted: LastFit) -> Plant:

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from .base import columns_for
+from .base import BaseFit, channel_errors, columns_for
 from .lanes import Batch
 from .linearise import Engine, Gram
 from .solve import solve
@@ -20,6 +20,8 @@ from .solve import solve
 FINER = 4
 """Steps in place of one. Error goes with the square of the step, so what is left is a sixteenth."""
 _ROUNDS = 2
+_CLOSE = 1.5
+"""Error over noise up to which a model's own error is no small part of it."""
 _WORSE = 1.02
 """Growth of the cost up to which a correction is one. Where a little more decides whether a drive breaks away, a
 simulation with finer steps is another motion, and its difference no correction."""
@@ -38,6 +40,11 @@ class LastFit:
     batch: Batch
     finer: bool = False
     """Whether `batch` is what was measured less the engine's own error."""
+
+    @classmethod
+    def of(cls, base: BaseFit) -> "LastFit":
+        """The fit of a model as given."""
+        return cls(base.engine, base.vector, base.free, base.fits.initial[0], base.fits.gram, base.fitted)
 
     @property
     def columns(self) -> int:
@@ -77,7 +84,12 @@ def less_own_error(
 
 
 def fit_finely(fitted: LastFit) -> LastFit:
-    """What a fit with finer steps would give; `fitted` itself where the difference is no small correction."""
+    """What a fit with finer steps would give.
+
+    `fitted` itself where it leaves much more than noise, or where the difference is no small correction.
+    """
+    if not max(channel_errors(fitted.batch, fitted.gram.predicted[0], over_noise=True).values()) <= _CLOSE:
+        return fitted
     now = fitted
     for _ in range(_ROUNDS):
         batch, _ = less_own_error(now.engine, now.vector, now.initial, fitted.batch, now.gram.predicted[0])

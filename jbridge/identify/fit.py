@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from ..errors import InputError
 from ..model.files import Model
 from ..recordings import Recording
-from .base import WINDOW, base_fit, check_runs, columns_for
+from .base import WINDOW, base_fit, check_runs
 from .evaluate import evaluate, traces
+from .finer import LastFit, fit_finely
 from .result import Fit
 from .setting import make_setting, resolve
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
@@ -51,29 +52,27 @@ def fit(
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, thorough=True, window=window, progress=progress)
     check_runs(base, recordings)
+    if progress is not None:
+        progress("fitting once more, with finer steps")
+    last = fit_finely(LastFit.of(base))
     table = base.engine.table
-    width = columns_for(len(base.free))
-    cov = covariance(
-        base.fits.gram.products[0],
-        base.fits.gram.predicted[0],
-        len(base.free),
-        width,
-        base.fits.initial[0],
-        base.fitted,
-    )
-    fitted = table.unravel(base.vector)
+    width = last.columns
+    cov = covariance(last.gram.products[0], last.gram.predicted[0], len(last.free), width, last.initial, last.batch)
+    fitted = table.unravel(last.vector)
     named = type(table)(fitted, setting.units)
-    found = estimates(named, base.vector, base.free, cov)
+    found = estimates(named, last.vector, last.free, cov)
     if progress is not None:
         progress("simulating")
     like = (base.free_run, base.windows)
     runs = [
         (
             which,
-            evaluate(which, setting, recordings, width, like, windows=windows),
-            evaluate(which, setting, holdout, width, like, windows=windows) if holdout else None,
+            evaluate(which, setting, recordings, width, like, windows=final, finer=final and last.finer),
+            evaluate(which, setting, holdout, width, like, windows=final, finer=final and last.finer)
+            if holdout
+            else None,
         )
-        for which, windows in ((plant, False), (fitted, True))
+        for which, final in ((plant, False), (fitted, True))
     ]
     (_, train_before, hold_before), (_, train_after, hold_after) = runs
     shown = traces((plant, train_before), (fitted, train_after), recordings, "train")
@@ -85,7 +84,7 @@ def fit(
         train_after.errors,
         None if hold_after is None else hold_after.errors,
         setting.noise,
-        tuple(warnings(named, base.vector, base.free, cov)),
+        tuple(warnings(named, last.vector, last.free, cov)),
         tuple(dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))),
         shown,
         WINDOW,
