@@ -26,7 +26,7 @@ FORESEEN = 0.25
 """Least share of the missing force that other recordings must foresee (`repeats`) for the same, or for the names not
 to be the whole truth. Of friction that wanders by 5 % they foresee up to 0.16, of laws left out mostly 0.5 and more."""
 STILL_LEARNABLE = 0.1
-"""Least share of the excess that must repeat for the same, where effects have been named."""
+"""Least share of the excess that must repeat for the names not to be the whole truth."""
 PROVEN = 0.5
 """Least share of the excess over noise that named effects must remove from the hold-out."""
 _BLOCK = 0.1

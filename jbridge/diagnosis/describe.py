@@ -11,7 +11,6 @@ import numpy as np
 
 from .result import Likeness
 from .tracks import (
-    EITHER_WAY,
     INPUT_OF,
     Features,
     Table,
@@ -24,6 +23,8 @@ from .tracks import (
     quarters,
 )
 
+EITHER_WAY = ", direction"
+"""Marks a variable that may count differently in either direction of motion."""
 _WORDS = {
     "x": "cart's place",
     "psi": "swing's angle",

@@ -113,7 +113,7 @@ def diagnose(
     width = columns_for(len(base.free))
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
-    badly = [axis for axis, channel in found.items() if channel.ratio > LARGE]
+    badly = [axis for axis, channel in found.items() if not channel.ratio <= LARGE]
     repeating = learnable >= LEARNABLE
     if large and p_value <= SIGNIFICANT and not repeating:
         tell("asking whether the missing force repeats")
@@ -123,7 +123,7 @@ def diagnose(
     if not steps:
         learnable_after, left_repeats = learnable, repeating
     elif state.worst > LARGE and not left_repeats:
-        foreseen = _still_foreseen(state, setting, badly)
+        foreseen = _still_foreseen(state, setting)
         learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
     alarm = bool(large and p_value <= SIGNIFICANT and repeating)
     curved = force_without_a_name(search, state) if alarm and state.worst > LARGE and left_repeats else None
@@ -268,28 +268,28 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
 
     On windows a missing force has pulled the parameters less far away than on whole recordings.
     """
-    shares = _repeating(base.engine, base.window_vector, base.fits.initial[0], base.free_run, setting)
-    if not shares:
-        shares = _repeating(base.engine, base.vector, base.fits.initial[0], base.free_run, setting)
-    return max(shares.get(axis, 0.0) for axis in axes)
+    shares: dict[str, float] = {}
+    for vector in (base.window_vector, base.vector):
+        told = _repeating(base.engine, vector, base.fits.initial[0], base.free_run, setting)
+        shares = told | shares
+        if all(axis in shares for axis in axes):
+            break
+    return max((shares.get(axis, 0.0) for axis in axes), default=0.0)
 
 
-def _still_foreseen(state: State, setting: Setting, axes: Sequence[str]) -> float:
-    """The same with what was named in the model."""
+def _still_foreseen(state: State, setting: Setting) -> float:
+    """The same with what was named in the model, of what that leaves badly met."""
     whole = lanes_for(state.engine.table, state.plant, setting, setting.recordings)
     same = whole.count == state.batch.count and np.array_equal(whole.recording, state.batch.recording)
     initial = state.initial if same else whole.initial
     shares = _repeating(state.engine, state.vector, initial, whole, setting)
-    return max((shares.get(axis, 0.0) for axis in axes), default=0.0)
+    return max((shares.get(axis, 0.0) for axis, ratio in state.ratios.items() if not ratio <= LARGE), default=0.0)
 
 
 def _repeating(
     engine: Engine, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch, setting: Setting
 ) -> dict[str, float]:
-    """By axis, the share of the missing force that repeats; none where the simulation runs away."""
     predicted = np.asarray(engine.motions(vector, initial, batch)[1])
-    if not np.isfinite(predicted).all():
-        return {}
     return repeating_share(engine.table.unravel(vector), batch, predicted, setting.noise)
 
 

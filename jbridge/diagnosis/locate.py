@@ -227,15 +227,17 @@ def _goes_on(
     weight: NDArray[np.float64],
     inside: NDArray[np.bool_],
 ) -> bool:
-    """Whether what is inside a stretch is what comes of a straight line through what is outside.
+    """Whether more than half of what is inside a stretch comes of how the force changes along what is outside.
 
     A gain that changes with the place is small about the middle, and no more local for that.
     """
     columns = np.concatenate([base, base * along[:, None], np.ones((len(along), 1)), along[:, None]], axis=1)
-    numbers = _numbers(columns[~inside], force[~inside], weight[~inside])
-    power = weight * (force - columns @ numbers) ** 2
-    own = power[inside].sum() / max(weight[inside].sum(), 1e-300)
-    return bool(own < _CONTRAST * power[~inside].sum() / max(weight[~inside].sum(), 1e-300))
+
+    def left(columns: NDArray[np.float64]) -> float:
+        numbers = _numbers(columns[~inside], force[~inside], weight[~inside])
+        return float(weight[inside] @ (force[inside] - columns[inside] @ numbers) ** 2)
+
+    return left(columns) < 0.5 * left(base)
 
 
 def _votes(

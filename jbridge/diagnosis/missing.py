@@ -1,6 +1,6 @@
 """The force that the model as given lacks: where it acts, how it goes, and what it is like."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from ..identify.latent import Force, Latent, unknown_forces
 from ..identify.result import Trace
 from ..model.effects.base import AXIS_OF_SITE
 from .result import MissingForce
-from .tracks import INPUT_OF, Track
+from .tracks import Track
 
 _LEAD = 10.0
 """Least log probability by which an unknown force or signal must be better than none, and than another equation's."""
@@ -25,7 +25,7 @@ def missing_forces(base: BaseFit, in_windows: bool, traces: Sequence[Trace], pro
     Args:
         base: the model as given, refitted.
         in_windows: whether windows were compared, since whole recordings drift too far.
-        traces: the training recordings, in order, with the force balance of that model.
+        traces: the training recordings, in order, with the force that this model leaves over.
         progress: told what goes on.
     """
     progress("looking for the force that is missing")
@@ -70,8 +70,7 @@ def tracks_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str
     if not forces:
         return []
     widest = max(float(force.std.max()) for force in forces)
-    # A rope that is locked in one recording has no drive there.
-    inputs = sorted({name for trace in traces for name in trace.inputs})
+    inputs = {name for trace in traces for name in trace.inputs}
     left, found = iter(traces), []
     for force in forces:
         # Files of different folders may have one name.
@@ -80,26 +79,12 @@ def tracks_of(forces: Sequence[MissingForce], traces: Sequence[Trace], axis: str
     return found
 
 
-def _track(force: MissingForce, trace: Trace, axis: str, widest: float, inputs: Sequence[str]) -> Track:
+def _track(force: MissingForce, trace: Trace, axis: str, widest: float, inputs: Collection[str]) -> Track:
     def at(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(force.times, trace.times, values)
 
-    none = np.zeros_like(trace.times)
-    others = {}
-    for other in AXES:
-        if other != axis and other in trace.coordinates:
-            others[other] = at(trace.coordinates[other])
-            others[f"v_{other}"] = at(trace.velocities[other])
-    for name in inputs:
-        if name != INPUT_OF[axis]:
-            others[name] = at(trace.inputs.get(name, none))
-    return Track(
-        force.times,
-        at(trace.coordinates[axis]),
-        at(trace.velocities[axis]),
-        at(trace.inputs.get(INPUT_OF[axis], none)),
-        others,
-        force.mean,
-        # Where friction holds the axis nothing is learned of the force, and it goes back to its prior.
-        np.clip(1.0 - (force.std / max(widest, 1e-300)) ** 2, 0.0, 1.0),
-    )
+    motion = tuple({name: at(part) for name, part in parts.items()} for parts in (trace.coordinates, trace.velocities))
+    # Where friction holds the axis nothing is learned of the force, and it goes back to its prior.
+    known = np.clip(1.0 - (force.std / max(widest, 1e-300)) ** 2, 0.0, 1.0)
+    u = {name: at(part) for name, part in trace.inputs.items()}
+    return Track.of(axis, force.times, (motion[0], motion[1]), u, inputs, force.mean, known)

@@ -1,20 +1,21 @@
 """A missing force along recordings, beside what it may hang on, and how much of it other recordings foresee.
 
-Whatever repeats hangs on something: on the place, on velocity and input, on the other axes, on how far back the last
-reversal is. A flexible function of these is fitted to the force on all recordings but one, and must predict that one.
+Whatever repeats hangs on something: on place, velocity and input, on the other axes, on the time since the start, on
+how far back the last reversal is. Flexible functions of these are fitted to the force on all recordings but one, and
+must predict that one.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import AXES
+
 INPUT_OF = {"x": "u_x", "psi": "u_x", "l": "u_l"}
 """The drive that moves each axis; a swing is driven by the cart."""
-EITHER_WAY = ", direction"
-"""Marks a variable that may count differently in either direction of motion."""
 _PLACES, _VALUES = 24, 10
 _RIDGE = 0.02
 """Relative to the samples: keeps what was hardly visited near nothing."""
@@ -40,6 +41,35 @@ class Track:
     force: NDArray[np.float64]
     weight: NDArray[np.float64]
     """How well the force is known, 0 to 1."""
+
+    @classmethod
+    def of(
+        cls,
+        axis: str,
+        times: NDArray[np.float64],
+        motion: tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]],
+        u: Mapping[str, NDArray[np.float64]],
+        inputs: Collection[str],
+        force: NDArray[np.float64],
+        weight: NDArray[np.float64],
+    ) -> "Track":
+        """A track from all that moved.
+
+        Args:
+            axis: on which the force acts.
+            times: of the samples [s].
+            motion: coordinates and velocities by axis.
+            u: the inputs there are.
+            inputs: those that any recording has; a rope that is locked in one has no drive there.
+            force: see `Track`.
+            weight: see `Track`.
+        """
+        q, v = motion
+        others = {name: u.get(name, np.zeros_like(times)) for name in sorted(inputs) if name != INPUT_OF[axis]}
+        for other in AXES:
+            if other != axis and other in q:
+                others |= {other: q[other], f"v_{other}": v[other]}
+        return cls(times, q[axis], v[axis], u.get(INPUT_OF[axis], np.zeros_like(times)), others, force, weight)
 
 
 def quarters(track: Track) -> list[Track]:
@@ -110,7 +140,7 @@ def beside(*tables: Table) -> Table:
 
 def learn(tracks: Sequence[Track], table: Table) -> NDArray[np.float64]:
     """What the force is per feature."""
-    return _Products.of(tracks, table).learn(np.arange(table[0].shape[1]), np.ones(len(tracks), bool))
+    return _Products.of(tracks, table).learn(np.arange(table[0].shape[1]))
 
 
 def foreseen(tracks: Sequence[Track], table: Table) -> float:
@@ -147,22 +177,32 @@ class _Products:
     right: NDArray[np.float64]
     square: NDArray[np.float64]
     weight: NDArray[np.float64]
+    matrices: NDArray[np.float64]
+    """Of all recordings together,"""
+    rights: NDArray[np.float64]
+    """likewise."""
 
     @classmethod
     def of(cls, tracks: Sequence[Track], table: Table) -> "_Products":
-        weighted = [a * t.weight[:, None] for a, t in zip(table, tracks, strict=True)]
-        return cls(
-            np.stack([w.T @ a for w, a in zip(weighted, table, strict=True)]),
-            np.stack([w.T @ t.force for w, t in zip(weighted, tracks, strict=True)]),
-            np.array([t.weight @ t.force**2 for t in tracks]),
-            np.array([t.weight.sum() for t in tracks]),
-        )
+        matrix, right = [], []
+        for own, track in zip(table, tracks, strict=True):
+            weighted = own * track.weight[:, None]
+            matrix.append(weighted.T @ own)
+            right.append(weighted.T @ track.force)
+        square = np.array([t.weight @ t.force**2 for t in tracks])
+        weight = np.array([t.weight.sum() for t in tracks])
+        return cls(np.stack(matrix), np.stack(right), square, weight, np.sum(matrix, axis=0), np.sum(right, axis=0))
 
-    def learn(self, columns: NDArray[np.int64], which: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """What the force is per feature, by some of the recordings."""
-        matrix = self.matrix[which].sum(axis=0)[np.ix_(columns, columns)]
-        ridge = _RIDGE * max(float(self.weight[which].sum()), 1.0) / _PLACES
-        return np.linalg.solve(matrix + ridge * np.eye(len(columns)), self.right[which].sum(axis=0)[columns])
+    def learn(self, columns: NDArray[np.int64], without: int | None = None) -> NDArray[np.float64]:
+        """What the force is per feature, by all recordings or all but one."""
+        block = np.ix_(columns, columns)
+        matrix, right, weight = self.matrices[block], self.rights[columns], float(self.weight.sum())
+        if without is not None:
+            matrix = matrix - self.matrix[without][block]
+            right = right - self.right[without][columns]
+            weight -= float(self.weight[without])
+        ridge = _RIDGE * max(weight, 1.0) / _PLACES
+        return np.asarray(np.linalg.solve(matrix + ridge * np.eye(len(columns)), right), np.float64)
 
     def foreseen(self, columns: NDArray[np.int64]) -> float:
         total = float(self.square.sum())
@@ -170,12 +210,12 @@ class _Products:
             return 0.0
         gained = 0.0
         for i, (matrix, right) in enumerate(zip(self.matrix, self.right, strict=True)):
-            learned = self.learn(columns, np.arange(len(self.square)) != i)
+            learned = self.learn(columns, i)
             gained += float(2 * learned @ right[columns] - learned @ matrix[np.ix_(columns, columns)] @ learned)
         return gained / total
 
 
-def hats(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hat_functions(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
     """Hat functions of a variable over evenly spaced knots: `(value, knot)`; beyond its ends the last one stays 1."""
     at = np.clip((values - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
     return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))
@@ -192,7 +232,7 @@ def _hats(
     """Hat functions of a variable; none where it does not change, be it that it flickers once."""
     if not high > low:
         return [np.zeros((len(t.times), 0)) for t in tracks]
-    return [hats(pick(t), np.linspace(low, high, count)) for t in tracks]
+    return [_hat_functions(pick(t), np.linspace(low, high, count)) for t in tracks]
 
 
 def _either_way(tracks: Sequence[Track], name: str) -> tuple[Table, Table]:
@@ -215,4 +255,4 @@ def _since_reversal(track: Track, span: float) -> NDArray[np.float64]:
     origin = track.q[np.concatenate([[0], turned])[last]]
     away = np.abs(track.q - origin) / max(span, 1e-12)
     places = np.arange(len(_SINCE), dtype=float)  # uneven knots, taken to even ones
-    return hats(np.interp(away, np.array(_SINCE), places), places) * sign[:, None]
+    return _hat_functions(np.interp(away, np.array(_SINCE), places), places) * sign[:, None]

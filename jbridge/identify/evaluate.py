@@ -1,7 +1,7 @@
 """How well a model meets recordings: free runs and windows, each from a state estimated over its first half second."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .base import WINDOW, channel_errors
 from .finer import FINER, less_own_error
-from .force_balance import balance, played
+from .force_balance import Balance, as_played, balance
 from .lanes import Batch, Grid
 from .linearise import Engine
 from .result import Errors, Trace
@@ -111,8 +111,14 @@ def traces(
 ) -> tuple[Trace, ...]:
     """Each recording beside both models' free runs and the force that either leaves over."""
     out = []
-    for i, recording in enumerate(recordings):
-        grid = before[1].batch.grids[i]
+    grids = before[1].batch.grids
+    first = _balances(*before, grids)
+    last = first if after is before else _balances(*after, grids)
+    # What is compared must be of one kind: both models' on all recordings, or none.
+    close = {
+        axis for axis in AXES if all(axis not in b.force or b.blurred_like(own, axis) for b, own in (*first, *last))
+    }
+    for i, (recording, grid) in enumerate(zip(recordings, grids, strict=True)):
         points = grid.intervals + 1
         measured: dict[str, NDArray[np.float64]] = {}
         runs: tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]] = ({}, {})
@@ -126,9 +132,8 @@ def traces(
         for column, name in enumerate(("u_x", "u_l")):
             if getattr(recording, name) is not None:
                 inputs[name] = np.append(grid.u[:, column], grid.u[-1, column])
-        first = balance(before[0], recording)
-        forces = [_unexplained(plant, grid, run.predicted[i]) for plant, run in (before, after)]
-        near = np.clip(np.searchsorted(first.times, grid.times), 0, len(first.times) - 1)
+        moved = first[i][0]
+        near = np.clip(np.searchsorted(moved.times, grid.times), 0, len(moved.times) - 1)
         out.append(
             Trace(
                 recording.name,
@@ -138,26 +143,25 @@ def traces(
                 measured,
                 runs[0],
                 runs[1],
-                _at(near, first.q),
-                _at(near, first.v),
-                *(_at(near, force) for force in forces),
+                _at(near, moved.q),
+                _at(near, moved.v),
+                *(_at(near, _unexplained(*pair[i], close)) for pair in (first, last)),
             )
         )
     return tuple(out)
 
 
-def _unexplained(plant: Plant, grid: Grid, predicted: NDArray[np.float64]) -> Mapping[str, NDArray[np.float64]]:
-    """A recording's force balance by axis, less the model's own where that runs close enough to be blurred alike."""
-    whole = balance(plant, grid.recording)
-    if not np.isfinite(predicted).all():
-        return whole.force
-    left = whole.less(balance(plant, played(grid, predicted))).force
+def _balances(plant: Plant, run: Run, grids: Sequence[Grid]) -> list[tuple[Balance, Balance]]:
+    """Every recording's force balance beside that of the model's own motion."""
+    return [
+        (balance(plant, grid.recording), balance(plant, as_played(grid, run.predicted[i])))
+        for i, grid in enumerate(grids)
+    ]
 
-    def size(force: NDArray[np.float64]) -> float:
-        known = np.abs(force[np.isfinite(force)])
-        return float(np.median(known)) if len(known) else np.inf
 
-    return {axis: left[axis] if size(left[axis]) < size(force) else force for axis, force in whole.force.items()}
+def _unexplained(measured: Balance, own: Balance, close: Collection[str]) -> dict[str, NDArray[np.float64]]:
+    left = measured.less(own).force
+    return {axis: left[axis] if axis in close else force for axis, force in measured.force.items()}
 
 
 def _at(near: NDArray[np.int64], values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:

@@ -39,8 +39,14 @@ class Balance:
     u: Mapping[str, NDArray[np.float64]]
 
     def less(self, own: "Balance") -> "Balance":
-        """The same less the force of another motion under nearly the same input, which is blurred alike."""
+        """The same less the force of another motion under the same input, which is blurred alike."""
         return dataclasses.replace(self, force={axis: force - own.force[axis] for axis, force in self.force.items()})
+
+    def blurred_like(self, own: "Balance", axis: str) -> bool:
+        """Whether another motion under the same input runs so close that taking its force off leaves less."""
+        force, left = self.force[axis], self.less(own).force[axis]
+        known = np.isfinite(left)
+        return bool(np.sum(left[known] ** 2) < np.sum(force[known] ** 2))
 
 
 def balance(plant: Plant, recording: Recording) -> Balance:
@@ -82,7 +88,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     u = {name: getattr(recording, name)[held] for name in ("u_x", "u_l") if getattr(recording, name) is not None}
     inputs = np.stack([u.get(name, np.zeros_like(t)) for name in ("u_x", "u_l")], axis=1)
     volts = _behind_drives(plant, t, inputs, period)
-    force = _residual(plant, t, q, v, a, volts, recording)
+    force = _residual(plant, t + recording.begun, q, v, a, volts, recording)
     out = {}
     for axis in AXES:
         moves = {"x": recording.has_cart, "psi": recording.psi is not None, "l": recording.has_hoist}[axis]
@@ -97,7 +103,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     return Balance(t, q, v, out, u)
 
 
-def played(
+def as_played(
     grid: Grid,
     predicted: NDArray[np.float64],
     noise: Mapping[str, float] | None = None,

@@ -50,6 +50,11 @@ def test_what_a_fit_made_of_it_is_undone():
     assert found[0].low == pytest.approx(0.5, abs=0.05) and found[0].high == pytest.approx(0.75, abs=0.05)
 
 
+def test_a_force_that_is_hardly_more_than_noise_is_found():
+    found = regions(tracks(lambda x, v, t: brake(x, v, t) / 15), "x")
+    assert found[0].variable == "x" and found[0].low == pytest.approx(0.5, abs=0.05)
+
+
 def test_a_force_at_high_speed_is_found_there():
     found = regions(tracks(lambda x, v, t: 3.0 * (v > 0.25)), "x")
     at = next(r for r in found if r.variable == "v_x")

@@ -1,7 +1,9 @@
 """Whether a missing force repeats: a force of the place does, one of each run's own does not, and noise is neither."""
 
 import numpy as np
+import pytest
 
+from jbridge.diagnosis.adequacy import FORESEEN
 from jbridge.diagnosis.repeats import repeating_share
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import Setting, lanes_for
@@ -12,21 +14,22 @@ BASE = make_plant(DRY)
 COUNT = 1200
 
 
-def shares_of(base, recordings, noise):
+def shares_of(base, recordings, noise, changed=lambda predicted: predicted):
     setting = Setting(tuple(recordings), (), NOISE, ("x",), {}, 0.7)
     engine = Engine(base)
     batch = lanes_for(engine.table, base, setting, recordings)
-    predicted = np.asarray(engine.motions(np.array(engine.table.ravel(base), dtype=float), batch.initial, batch)[1])
-    return repeating_share(base, batch, predicted, noise)
+    predicted = np.array(engine.motions(np.array(engine.table.ravel(base), dtype=float), batch.initial, batch)[1])
+    return repeating_share(base, batch, changed(predicted), noise)
+
+
+def play_cart(seed, extra):
+    u = np.stack([1.6 * steps(COUNT, seed, hold=60), np.zeros(COUNT)], axis=1)
+    return play(make_plant(DRY, *extra), u, name=f"{seed}.csv", start={"x": 0.6}, seed=seed)
 
 
 def share_of(*extra_by_run):
     """The shares for one recording a plant, each with an effect that the model does not have."""
-    recordings = []
-    for seed, extra in enumerate(extra_by_run):
-        u = np.stack([1.6 * steps(COUNT, seed, hold=60), np.zeros(COUNT)], axis=1)
-        recordings.append(play(make_plant(DRY, *extra), u, name=f"{seed}.csv", start={"x": 0.6}, seed=seed))
-    return shares_of(BASE, recordings, {"x": NOISE["x"]})
+    return shares_of(BASE, [play_cart(seed, extra) for seed, extra in enumerate(extra_by_run)], {"x": NOISE["x"]})
 
 
 def ripple(phase, amplitude=1.5):
@@ -41,13 +44,27 @@ def test_a_force_of_each_runs_own_does_not():
     assert share_of(*(ripple(phase) for phase in (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)))["x"] < 0.2
 
 
-def test_noise_does_not():
-    assert share_of(*[[]] * 4).get("x", 0.0) < 0.2
+def test_noise_is_not_judged():
+    assert "x" not in share_of(*[[]] * 4)
+    assert "x" not in share_of([])
 
 
-def test_one_recording_is_taken_in_quarters():
-    assert share_of(ripple(0.4))["x"] > 0.1
-    assert share_of([]).get("x", 0.0) < 0.05
+def test_one_recording_is_taken_in_quarters_and_counts_half():
+    assert FORESEEN < share_of(ripple(0.4))["x"] <= 0.5
+
+
+def test_a_recording_that_the_simulation_left_has_no_say():
+    recordings = [play_cart(seed, ripple(0.4)) for seed in range(4)]
+
+    def astray(predicted):
+        predicted[1] = np.nan
+        times = np.arange(COUNT + 1) * 0.01
+        predicted[2, : COUNT + 1, 0] += 0.2 * np.sin(5.0 * times)
+        return predicted
+
+    two = shares_of(BASE, [recordings[0], recordings[3]], {"x": NOISE["x"]})
+    assert shares_of(BASE, recordings, {"x": NOISE["x"]}, astray)["x"] == pytest.approx(two["x"], abs=0.02)
+    assert shares_of(BASE, recordings, {"x": NOISE["x"]}, lambda predicted: predicted * np.nan) == {}
 
 
 def test_a_short_wave_along_the_rope_repeats():

@@ -29,8 +29,8 @@ def wandering(seed):
         (lambda t, q, v, u, swing, since: -np.sign(v) * 5 * (q - 0.7), 0.9),
         (lambda t, q, v, u, swing, since: -np.tanh(4 * v), 0.9),
         (lambda t, q, v, u, swing, since: 4 * (u / 8) ** 3, 0.9),
-        (lambda t, q, v, u, swing, since: -np.sign(v) * 10 * np.abs(swing), 0.7),
-        (lambda t, q, v, u, swing, since: np.sign(v) * np.sin(np.pi * since / 0.1) ** 2, 0.7),
+        (lambda t, q, v, u, swing, since: -np.sign(v) * 10 * np.abs(swing), 0.9),
+        (lambda t, q, v, u, swing, since: np.sign(v) * np.sin(np.pi * since / 0.1) ** 2, 0.9),
         (lambda t, q, v, u, swing, since: np.exp(-((t - 6.0) ** 2)), 0.8),
     ],
     ids=["place", "place and direction", "velocity", "input", "another axis", "memory", "clock"],
@@ -46,11 +46,13 @@ def test_a_sum_of_laws_is_foreseen_by_few():
     assert foreseen_by_few(both, on.each()) > max(foreseen(both, table) for table in on.each()) + 0.2
 
 
-def test_what_wanders_is_not_foreseen():
-    scattered = [track(wandering(seed), seed) for seed in range(COUNT)]
+@pytest.mark.parametrize("first", [0, 20, 40])
+@pytest.mark.parametrize("count", [2, 3, COUNT])
+def test_what_wanders_is_not_foreseen(first, count):
+    scattered = [track(wandering(seed), seed) for seed in range(first, first + count)]
     on = features(scattered)
     assert foreseen_by_few(scattered, on.each()) < 0.15
-    assert foreseen(scattered, on.both) < 0.0  # what was learned of it makes matters worse
+    assert foreseen(scattered, on.both) < 0.05
 
 
 def test_shares_are_those_of_fits_that_left_one_out():

@@ -36,7 +36,7 @@ class Table(NamedTuple):
     before: Points
     after: Points
     direction: Points
-    """1 or -1: whether the axis moved up or down."""
+    """Sign of the axis' velocity."""
 
 
 def draw_force(
@@ -74,7 +74,7 @@ def draw_force(
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
         top = _top([table for _, table in panels])
         for panel, (variable, table) in zip(grid.flat, panels, strict=True):
-            _draw_panel(panel, table, labels, driven=variable in (f"v_{axis}", INPUT_OF[axis]))
+            _draw_panel(panel, table, labels, jumps=variable in (f"v_{axis}", INPUT_OF[axis]))
             spans = [(region.low, region.high) for region in regions if region.variable == variable]
             factor = 180 / np.pi if variable_unit(variable, units).startswith("rad") else 1.0
             low, high = panel.get_xlim()
@@ -138,18 +138,18 @@ def _top(tables: Sequence[Table]) -> float:
     return 1.25 * float(np.quantile(sizes, 0.985)) if sizes.size and sizes.max() > 0 else 1.0
 
 
-def _draw_panel(panel: Axes, table: Table, labels: tuple[str, str], driven: bool) -> None:
-    """Dots and running medians; of what does not itself tell the direction of motion one for either direction."""
+def _draw_panel(panel: Axes, table: Table, labels: tuple[str, str], jumps: bool) -> None:
+    """Dots and running medians; one for either direction of motion, except of velocity and input, which tell it."""
     step = max(table.values.size // _MOST_POINTS, 1)
     every = np.ones(table.values.size, bool)
-    ways = [(every, "-")] if driven else [(table.direction > 0, "-"), (table.direction < 0, (0, (2.5, 1.2)))]
+    ways = [(every, "-")] if jumps else [(table.direction > 0, "-"), (table.direction < 0, (0, (2.5, 1.2)))]
     for force, colour, said in zip((table.before, table.after), (BEFORE, AFTER), labels, strict=True):
         if not said:
             continue
         dots = table.values[::step], force[::step]
         panel.plot(*dots, ".", color=colour, alpha=0.16, markersize=3.0, markeredgewidth=0, zorder=1)
         for number, (way, dashes) in enumerate(ways):
-            centres, medians = running_median(table.values[way], force[way], driven)
+            centres, medians = running_median(table.values[way], force[way], jumps)
             # A white rim keeps the line apart from its own dots.
             panel.plot(centres, medians, color="white", linewidth=4.0, zorder=2)
             name = said if number == 0 else "_"
