@@ -29,6 +29,9 @@ import jax.export
 
 _DAYS_KEPT = 30
 """Folders of versions of the sources that have not run for so long are removed."""
+_LARGE = 2.5 * 2**30
+"""Resident memory [byte] from which programs that may not be needed again are dropped; a stage of a diagnosis with a
+fine map of friction takes another gigabyte."""
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
 _all: "weakref.WeakSet[Program]" = weakref.WeakSet()
@@ -70,6 +73,15 @@ def forget() -> None:
         # Only glibc keeps what was freed and can be asked for it.
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+def forget_if_large() -> None:
+    """`forget`, if this process has grown large and finds its programs again in the folder."""
+    if _folder is None or not sys.platform == "linux":
+        return
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    if pages * os.sysconf("SC_PAGE_SIZE") > _LARGE:
+        forget()
 
 
 T = TypeVar("T", bound=type)

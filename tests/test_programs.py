@@ -1,5 +1,7 @@
 """Programs kept from run to run: traced once, told apart by all they depend on, and never in the way."""
 
+import sys
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -192,3 +194,20 @@ def test_what_was_forgotten_is_read_again(folder):
     again = program(2, POINT, np.ones(3))
     jax.tree.map(np.testing.assert_array_equal, first, again)
     assert len(program._loaded) == 1 and counted.traced == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how large a process is")
+def test_programs_are_forgotten_once_a_process_is_large(folder, monkeypatch):
+    program = Program(Counted(), (0,))
+    program(2, POINT, np.ones(3))
+    monkeypatch.setattr(_programs, "_LARGE", 2.0**50)
+    _programs.forget_if_large()
+    assert program._loaded
+    monkeypatch.setattr(_programs, "_LARGE", 0.0)
+    _programs.forget_if_large()
+    assert not program._loaded
+    # Without a folder they would have to be made anew.
+    program(2, POINT, np.ones(3))
+    monkeypatch.setattr(_programs, "_folder", None)
+    _programs.forget_if_large()
+    assert program._loaded

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._programs import forget_if_large
 from ..identify.base import WINDOW, channel_errors, columns_for
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
@@ -130,6 +131,7 @@ class Search:
         return Screen(_merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
 
     def _screen(self, state: State) -> Screen:
+        forget_if_large()
         done = {a.name for a in state.accepted}
         found = [c for c in self.candidates(state) if not c.unscreened and c.name not in done]
         unnamed = unnamed_forces(self.setting, scene_of(self.setting, state.plant))
@@ -190,6 +192,7 @@ class Search:
 
     def each(self, work: Callable[[Any], Any], items: list[Any]) -> list[Any]:
         """Two at a time: compiling and running release the interpreter."""
+        forget_if_large()
         with ThreadPoolExecutor(2) as pool:
             return list(pool.map(work, items))
 
