@@ -310,7 +310,8 @@ def _numbers(fitted: LastFit, setting: Setting) -> tuple[dict[str, Estimate], tu
         fitted.gram.products[0], fitted.gram.predicted[0], count, fitted.columns, fitted.initial, fitted.batch
     )
     table = ParameterTable(_plant_of(fitted), setting.units)
-    return estimates(table, fitted.vector, fitted.free, cov), tuple(warnings(table, fitted.vector, fitted.free, cov))
+    told = estimates(table, fitted.vector, fitted.free, cov, setting.period)
+    return told, tuple(warnings(table, fitted.vector, fitted.free, cov))
 
 
 def _evaluate(

@@ -109,7 +109,7 @@ def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
     cov = covariance(gram.products[0], gram.predicted[0], len(trial.free), width, trial.initial, trial.batch)
     names = [trial.engine.table.entry(int(p)).name for p in trial.free]
     free = np.array([table.positions(name)[0] for name in names])
-    values = estimates(table, vector, free, cov)
+    values = estimates(table, vector, free, cov, setting.period)
     parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
     run = evaluate(trial.plant, setting, setting.holdout, width, (trial.batch, None), windows=False)
     return Rival(kind, site, probability, parameters, run.errors.free_run)

@@ -60,7 +60,7 @@ def fit(
     cov = covariance(last.gram.products[0], last.gram.predicted[0], len(last.free), width, last.initial, last.batch)
     fitted = table.unravel(last.vector)
     named = type(table)(fitted, setting.units)
-    found = estimates(named, last.vector, last.free, cov)
+    found = estimates(named, last.vector, last.free, cov, setting.period)
     if progress is not None:
         progress("simulating")
     like = (base.free_run, base.windows)

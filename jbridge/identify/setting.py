@@ -48,6 +48,11 @@ class Setting:
     length: float
     """Mean rope length of the recordings [m]."""
 
+    @property
+    def period(self) -> float:
+        """Sampling period [s], the median of the recordings'."""
+        return float(np.median([recording.period for recording in self.recordings]))
+
 
 def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
     """Checks that model and recordings go together.

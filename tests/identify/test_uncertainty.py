@@ -49,7 +49,7 @@ def places(*names):
 
 def test_estimates_of_scalars_and_vectors():
     free = places("cart_gain", "position_dependent_friction@cart.levels[1]", "coulomb_friction@cart.level")
-    found = estimates(TABLE, VECTOR, free, np.diag([0.25, 0.01, 9.0]))
+    found = estimates(TABLE, VECTOR, free, np.diag([0.25, 0.01, 9.0]), 0.005)
     gain = found["cart_gain"]
     # Twice the plain deviation, and a quarter of a percent of the value.
     assert (gain.value, gain.unit) == (16.0, "N/V") and gain.std == pytest.approx(np.hypot(1.0, 0.04), rel=1e-9)
@@ -62,6 +62,19 @@ def test_estimates_of_scalars_and_vectors():
     assert found["coulomb_friction@cart.level"].low == 0.0
     known = found["cart_mass"]
     assert (known.value, known.std, known.low, known.high) == (5.5, None, None, None)
+
+
+def test_a_time_is_known_to_a_hundredth_of_the_sampling_period_at_best():
+    plant = make_plant(("actuator_lag", "cart_drive", {"time_constant": 0.002}))
+    table = ParameterTable(plant)
+    free = np.array(table.positions("actuator_lag@cart_drive.time_constant") + table.positions("cart_gain"))
+    vector = np.array(table.ravel(plant))
+    times, gains = (
+        [estimates(table, vector, free, np.diag([s**2, s**2]), period)[name].std for s in (0.0, 1e-3)]
+        for name, period in (("actuator_lag@cart_drive.time_constant", 0.005), ("cart_gain", 0.005))
+    )
+    assert times == pytest.approx([np.hypot(5e-5, 5e-6), np.hypot(5e-5, np.hypot(2e-3, 5e-6))], rel=1e-9)
+    assert gains == pytest.approx([0.04, np.hypot(2e-3, 0.04)], rel=1e-9)
 
 
 def test_what_is_not_determined_is_said():
