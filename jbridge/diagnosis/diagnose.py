@@ -17,6 +17,7 @@ from ..identify.linearise import Engine
 from ..identify.result import Errors, Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
+from ..model.effects.base import CART, HOIST, SWING
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -39,15 +40,20 @@ from .curve import force_without_a_name
 from .design import next_experiment
 from .holdout import off_map, split_off
 from .limits import not_seen
+from .locate import equation_of
 from .missing import missing_forces
 from .repeats import repeating_share
 from .result import Adequacy, Channel, Diagnosis, Former, NamedEffect
 from .revise import SUPERFLUOUS
 from .rounds import DRIFTING, MOST_EFFECTS, Explained, accept_effects
 from .search import BOOTSTRAP, PARTS, Search
+from .surprise import surprise, worst_met
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State, transfer
 from .words import Proof, verdict_sentence
+
+_SITE = {"x": CART, "psi": SWING, "l": HOIST}
+"""Where a channel's own equation is."""
 
 
 def diagnose(
@@ -83,12 +89,50 @@ def diagnose(
     if unheard := set(leave_out) - set(PARTS):
         raise ValueError(f"a diagnosis can do without {', '.join(PARTS)}, and not without {', '.join(sorted(unheard))}")
     begun = time.perf_counter()
-    tell = progress or (lambda text: None)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
-    recordings = (*recordings, *new)
+    plan = _Plan(model, (*recordings, *new), tuple(holdout), tuple(new), former, frozenset(leave_out), tuple(notes))
+    found = _diagnose(plan, progress)
+    if isinstance(found, _Plan):
+        found = _diagnose(found, progress)
+    assert isinstance(found, Diagnosis)
+    return dataclasses.replace(found, seconds=time.perf_counter() - begun)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Plan:
+    """What is to be diagnosed."""
+
+    model: Model
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    new: tuple[Recording, ...]
+    former: Former | None
+    leave_out: frozenset[str]
+    notes: tuple[str, ...]
+    again: bool = False
+    """Whether a part of the hold-out has been taken in."""
+
+    def taking_in(self, index: int) -> "_Plan":
+        """The same with a recording of the hold-out to learn from."""
+        taken = self.holdout[index]
+        note = f"{taken.name} was learned from, too: it shows what the other recordings hardly do."
+        return dataclasses.replace(
+            self,
+            recordings=(*self.recordings, taken),
+            holdout=self.holdout[:index] + self.holdout[index + 1 :],
+            notes=(*self.notes, note),
+            again=True,
+        )
+
+
+def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis | _Plan":
+    """The diagnosis, or a plan for another one that learns from a hold-out which the recordings did not prepare for."""
+    tell = progress or (lambda text: None)
+    model, recordings, holdout = plan.model, plan.recordings, plan.holdout
+    new, former, leave_out, notes = plan.new, plan.former, plan.leave_out, plan.notes
     setting = make_setting(model, recordings, holdout)
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
@@ -98,7 +142,7 @@ def diagnose(
     insist = former.names if former else frozenset()
 
     def searching() -> Search:
-        return Search(plant, model.known, setting, window, progress, insist, frozenset(leave_out))
+        return Search(plant, model.known, setting, window, progress, insist, leave_out)
 
     search = searching()
     draws = BOOTSTRAP not in leave_out
@@ -144,6 +188,9 @@ def diagnose(
         forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, final, base)
+    unprepared = surprise(final, runs[3], setting.noise) if curved is None else None
+    if unprepared is not None and len(holdout) > 1 and not plan.again:
+        return plan.taking_in(worst_met(runs[3], holdout))
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
@@ -165,7 +212,11 @@ def diagnose(
     first, last = (
         worst_ratio(run.errors.window if in_windows else run.errors.free_run, setting.noise) for run in runs[2:]
     )
-    verdict = "adequate" if not alarm else ("missing_physics" if steps and not still and not unproven else "unknown")
+    elsewhere = unprepared if not alarm and not large else None
+    if not alarm:
+        verdict = "adequate" if elsewhere is None else "unknown"
+    else:
+        verdict = "missing_physics" if steps and not still and not unproven else "unknown"
     effects = named_of(steps, state, setting, table, values) if alarm else ()
     rivals = contenders(search, state, steps, effects)
     if verdict == "unknown" and not rivals:
@@ -175,6 +226,8 @@ def diagnose(
     train = [trace for trace in shown if trace.role == "train"]
     latent = missing_forces(base, in_windows, train, tell) if alarm else None
     location = location_of(alarm, effects, steps, explained.screened, shown, at, latent)
+    if elsewhere is not None:
+        location = dataclasses.replace(location, site=_SITE[elsewhere], equation=equation_of(elsewhere))
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
@@ -194,6 +247,7 @@ def diagnose(
         curve=curved is not None,
         unproven=unproven and not still,
         abroad=abroad,
+        elsewhere=elsewhere,
     )
     return Diagnosis(
         verdict,
@@ -232,7 +286,7 @@ def diagnose(
             "seed": 0,
             "left_out": sorted(leave_out),
         },
-        time.perf_counter() - begun,
+        0.0,  # told by whoever asked
     )
 
 

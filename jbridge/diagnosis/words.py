@@ -138,6 +138,7 @@ def verdict_sentence(
     curve: bool,
     unproven: bool = False,
     abroad: OffMap | None = None,
+    elsewhere: str | None = None,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -153,7 +154,15 @@ def verdict_sentence(
         curve: whether a force without a name was put into the model.
         unproven: whether what was named does not hold on the hold-out.
         abroad: where a hold-out went that therefore cannot judge what was named.
+        elsewhere: channel in which something shows on the hold-out alone.
     """
+    if elsewhere is not None:
+        return (
+            f"The model explains these recordings, but not the hold-out: there, errors reach {_times(proof.after)} "
+            f"times the noise in the {_CHANNEL_WORDS[elsewhere]}, more than uncertain numbers would make. Something is "
+            "missing that hardly shows in these recordings. Record more runs like the hold-out, and add them with "
+            "--with."
+        )
     worst = max(before, key=lambda axis: before[axis].ratio)
     ratio = before[worst].ratio
     if verdict == "adequate":
