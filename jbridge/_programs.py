@@ -32,6 +32,10 @@ _DAYS_KEPT = 30
 _LARGE = 2.5 * 2**30
 """Resident memory [byte] from which programs that may not be needed again are dropped; a stage of a diagnosis with a
 fine map of friction takes another gigabyte."""
+_GROWN = 0.5 * 2**30
+"""By how much a process must have grown since it last dropped programs [byte]."""
+_without = 0.0
+"""Memory after that [byte]."""
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
 _all: "weakref.WeakSet[Program]" = weakref.WeakSet()
@@ -77,11 +81,20 @@ def forget() -> None:
 
 def forget_if_large() -> None:
     """`forget`, if this process has grown large and finds its programs again in the folder."""
-    if _folder is None or not sys.platform == "linux":
+    global _without
+    if _folder is None:
         return
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    if pages * os.sysconf("SC_PAGE_SIZE") > _LARGE:
+    # What stays large without programs would not get smaller.
+    if _resident() > _LARGE and _resident() > _without + _GROWN:
         forget()
+        _without = _resident()
+
+
+def _resident() -> float:
+    """Memory [byte] that this process holds, as far as the system says."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return 0.0
 
 
 T = TypeVar("T", bound=type)

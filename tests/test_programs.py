@@ -200,12 +200,20 @@ def test_what_was_forgotten_is_read_again(folder):
 def test_programs_are_forgotten_once_a_process_is_large(folder, monkeypatch):
     program = Program(Counted(), (0,))
     program(2, POINT, np.ones(3))
+    monkeypatch.setattr(_programs, "_without", 0.0)
     monkeypatch.setattr(_programs, "_LARGE", 2.0**50)
     _programs.forget_if_large()
     assert program._loaded
     monkeypatch.setattr(_programs, "_LARGE", 0.0)
+    monkeypatch.setattr(_programs, "_GROWN", 0.0)
     _programs.forget_if_large()
     assert not program._loaded
+    # What did not grow since then would not get smaller.
+    program(2, POINT, np.ones(3))
+    monkeypatch.setattr(_programs, "_GROWN", 2.0**40)
+    _programs.forget_if_large()
+    assert program._loaded
+    monkeypatch.setattr(_programs, "_GROWN", 0.0)
     # Without a folder they would have to be made anew.
     program(2, POINT, np.ones(3))
     monkeypatch.setattr(_programs, "_folder", None)

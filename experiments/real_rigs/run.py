@@ -120,7 +120,7 @@ def diagnose(case: Case, out: Path) -> dict:
         "name": case.name,
         "published": case.published,
         "train": [r.name for r in train],
-        "holdout": [r.name for r in holdout],
+        "holdout": list(found.holdout),
         "seconds": round(time.perf_counter() - begun),
         "curves": curves(found),
     }

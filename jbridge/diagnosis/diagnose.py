@@ -17,7 +17,6 @@ from ..identify.linearise import Engine
 from ..identify.result import Errors, Estimate
 from ..identify.setting import Setting, lanes_for, make_setting, resolve
 from ..identify.uncertainty import as_uncertainty, covariance, estimates, warnings
-from ..model.effects.base import CART, HOIST, SWING
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -47,13 +46,10 @@ from .result import Adequacy, Channel, Diagnosis, Former, NamedEffect
 from .revise import SUPERFLUOUS
 from .rounds import DRIFTING, MOST_EFFECTS, Explained, accept_effects
 from .search import BOOTSTRAP, PARTS, Search
-from .surprise import surprise, worst_met
+from .surprise import surprise
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State, transfer
 from .words import Proof, verdict_sentence
-
-_SITE = {"x": CART, "psi": SWING, "l": HOIST}
-"""Where a channel's own equation is."""
 
 
 def diagnose(
@@ -90,14 +86,15 @@ def diagnose(
         raise ValueError(f"a diagnosis can do without {', '.join(PARTS)}, and not without {', '.join(sorted(unheard))}")
     begun = time.perf_counter()
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
-    if not holdout:
+    given = bool(holdout)
+    if not given:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
-    plan = _Plan(model, (*recordings, *new), tuple(holdout), tuple(new), former, frozenset(leave_out), tuple(notes))
-    found = _diagnose(plan, progress)
-    if isinstance(found, _Plan):
+    found: Diagnosis | _Plan = _Plan(
+        model, (*recordings, *new), tuple(holdout), tuple(new), former, frozenset(leave_out), tuple(notes), given
+    )
+    while isinstance(found, _Plan):
         found = _diagnose(found, progress)
-    assert isinstance(found, Diagnosis)
     return dataclasses.replace(found, seconds=time.perf_counter() - begun)
 
 
@@ -112,10 +109,12 @@ class _Plan:
     former: Former | None
     leave_out: frozenset[str]
     notes: tuple[str, ...]
-    again: bool = False
-    """Whether a part of the hold-out has been taken in."""
+    spare: bool
+    """Whether a recording of the hold-out may be learned from, if others show the same."""
+    surprised: str | None = None
+    """The channel for which one was."""
 
-    def taking_in(self, index: int) -> "_Plan":
+    def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
         taken = self.holdout[index]
         note = f"{taken.name} was learned from, too: it shows what the other recordings hardly do."
@@ -124,7 +123,8 @@ class _Plan:
             recordings=(*self.recordings, taken),
             holdout=self.holdout[:index] + self.holdout[index + 1 :],
             notes=(*self.notes, note),
-            again=True,
+            spare=False,
+            surprised=channel,
         )
 
 
@@ -188,9 +188,11 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, final, base)
-    unprepared = surprise(final, runs[3], setting.noise) if curved is None else None
-    if unprepared is not None and len(holdout) > 1 and not plan.again:
-        return plan.taking_in(worst_met(runs[3], holdout))
+    # Windows say nothing of free runs, and a force without a name explains nothing.
+    unprepared = surprise(final, runs[3], setting.noise) if curved is None and search.window is None else None
+    if unprepared is not None and plan.spare and len(unprepared.recordings) > 1:
+        tell("learning from a recording of the hold-out, too")
+        return plan.taking_in(unprepared.recordings[0], unprepared.channel)
     shown = traces((base_plant, runs[0]), (final_plant, runs[1]), setting.recordings, "train")
     shown += traces((base_plant, runs[2]), (final_plant, runs[3]), setting.holdout, "holdout")
     left = channels(runs[1].batch, runs[1].predicted, setting.noise)
@@ -212,7 +214,9 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     first, last = (
         worst_ratio(run.errors.window if in_windows else run.errors.free_run, setting.noise) for run in runs[2:]
     )
-    elsewhere = unprepared if not alarm and not large else None
+    elsewhere = None
+    if not alarm and (unprepared is not None or (large and plan.surprised)):
+        elsewhere = plan.surprised if unprepared is None else unprepared.channel
     if not alarm:
         verdict = "adequate" if elsewhere is None else "unknown"
     else:
@@ -227,7 +231,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     latent = missing_forces(base, in_windows, train, tell) if alarm else None
     location = location_of(alarm, effects, steps, explained.screened, shown, at, latent)
     if elsewhere is not None:
-        location = dataclasses.replace(location, site=_SITE[elsewhere], equation=equation_of(elsewhere))
+        location = dataclasses.replace(location, site=None, equation=equation_of(elsewhere))
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
@@ -248,6 +252,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         unproven=unproven and not still,
         abroad=abroad,
         elsewhere=elsewhere,
+        odd_one=plan.recordings[-1].name if plan.surprised else None,
     )
     return Diagnosis(
         verdict,

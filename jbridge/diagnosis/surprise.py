@@ -4,26 +4,38 @@ What hardly shows in the recordings (a drag where they are slow, friction at a r
 be all that the hold-out shows. Of a model whose numbers are known as well as they are, errors there have a size.
 """
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._types import AXES
 from ..identify.base import channel_errors
-from ..identify.evaluate import Run
+from ..identify.evaluate import Run, early
 from ..identify.finer import LastFit
-from ..identify.uncertainty import covariance
-from ..recordings import Recording
+from ..identify.lanes import Batch
+from ..identify.uncertainty import covariance, widened
 from .adequacy import LARGE
 
 _SURE = 4.0
-"""Times the squared error that uncertain numbers make, from which it is no chance: two standard deviations."""
+"""Times the squared error that uncertain numbers and starts make, from which it is no chance: two of what an interval
+takes for a standard deviation."""
 _COARSE = 2.0
 """What the limit is multiplied by where the engine's own steps may make such errors."""
 
 
-def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float]) -> str | None:
-    """The channel of a hold-out that is met worse than the recordings and their uncertainty allow, if any.
+class Surprise(NamedTuple):
+    """What shows on a hold-out alone."""
+
+    channel: str
+    recordings: tuple[int, ...]
+    """Those of the hold-out that show it, the worst first."""
+
+
+def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float]) -> Surprise | None:
+    """Whether recordings of a hold-out are met worse than those learned from and all that is uncertain allow.
 
     Args:
         fitted: the final model.
@@ -31,31 +43,48 @@ def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float]) -> str | Non
         noise: standard deviation of each channel [m, rad, m].
 
     Returns:
-        None also where the recordings themselves are met badly, since then that is to be explained first.
+        The channel that is met worst, and where. None also where the recordings themselves are met badly, since then
+        that is to be explained first.
     """
     own = channel_errors(fitted.batch, fitted.gram.predicted[0], over_noise=True)
-    ratios = {axis: error / noise[axis] for axis, error in run.errors.free_run.items()}
-    worst = max(ratios, key=lambda axis: ratios[axis], default=None)
-    limit = LARGE if fitted.finer else _COARSE * LARGE
-    if worst is None or max(own.values()) > LARGE or not limit < ratios[worst] < np.inf:
+    ratios = {axis: run.errors.free_run[axis] / noise[axis] for axis in run.errors.free_run}
+    # What is no number is worse than any.
+    worst = max(ratios, key=lambda axis: np.nan_to_num(ratios[axis], nan=np.inf), default=None)
+    if worst is None or not max(own.values()) <= LARGE:
         return None
-    count = len(fitted.free)
-    cov = covariance(
-        fitted.gram.products[0], fitted.gram.predicted[0], count, fitted.columns, fitted.initial, fitted.batch
-    )
-    rows = fitted.vector[None], fitted.free[None], run.batch.initial[None]
-    products = fitted.engine.gram(*rows, run.batch, columns=fitted.columns).products[0][:, :count, :count]
-    expected = float(np.trace(cov @ products.sum(axis=0)))
-    number = int(np.count_nonzero(np.asarray(run.batch.lanes.weight)[:, :, AXES.index(worst)]))
-    return worst if (ratios[worst] ** 2 - 1.0) * number > _SURE * expected else None
+    limit = LARGE if fitted.finer else _COARSE * LARGE
+    k = AXES.index(worst)
+    weight = np.asarray(run.batch.lanes.weight)[:, :, k]
+    residual = np.where(weight > 0, (run.predicted - np.asarray(run.batch.lanes.y))[:, :, k] * weight, 0.0)
+    number = np.maximum(np.count_nonzero(weight, axis=1), 1)
+    power = np.nan_to_num(np.sum(residual**2, axis=1), nan=np.inf)
+    badly = (power > limit**2 * number) & (run.batch.recording >= 0)
+    if not badly.any():
+        return None
+    badly &= power - number > _SURE * _expected(fitted, run.batch)
+    order = sorted(np.flatnonzero(badly), key=lambda lane: -power[lane] / number[lane])
+    return Surprise(worst, tuple(int(run.batch.recording[lane]) for lane in order)) if order else None
 
 
-def worst_met(run: Run, recordings: Sequence[Recording]) -> int:
-    """Which recording is met worst."""
-    weight = np.asarray(run.batch.lanes.weight)
-    residual = np.where(weight > 0, (run.predicted - np.asarray(run.batch.lanes.y)) * weight, 0.0)
-    power = [
-        float(np.sum(residual[run.batch.recording == i] ** 2) / max(np.sum(weight[run.batch.recording == i] > 0), 1))
-        for i in range(len(recordings))
-    ]
-    return int(np.argmax(power))
+def _expected(fitted: LastFit, batch: Batch) -> NDArray[np.float64]:
+    """Of each lane, the weighted squared error that uncertain numbers and an uncertain start make."""
+    count, columns = len(fitted.free), fitted.columns
+    cov = covariance(fitted.gram.products[0], fitted.gram.predicted[0], count, columns, fitted.initial, fitted.batch)
+    std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    wider = widened(std, fitted.vector[fitted.free]) / std
+    cov = cov * wider[:, None] * wider
+
+    def products(batch: Batch) -> NDArray[np.float64]:
+        rows = fitted.vector[None], fitted.free[None], batch.initial[None]
+        return fitted.engine.gram(*rows, batch, columns=columns).products[0]
+
+    states = slice(columns, columns + batch.initial.shape[1])
+    whole = products(batch)
+    begun = products(dataclasses.replace(batch, lanes=early(batch)))[:, states, states]
+    out = np.einsum("ij,lji->l", cov, whole[:, :count, :count])
+    for lane in range(batch.count):
+        free = np.isfinite(batch.prior[lane])
+        if free.any() and batch.recording[lane] >= 0:
+            told = begun[lane][np.ix_(free, free)] + np.diag(batch.prior[lane][free] ** 2)
+            out[lane] += np.trace(np.linalg.solve(told, whole[lane, states, states][np.ix_(free, free)]))
+    return np.asarray(np.nan_to_num(out, nan=0.0), np.float64)

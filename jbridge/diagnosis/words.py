@@ -139,6 +139,7 @@ def verdict_sentence(
     unproven: bool = False,
     abroad: OffMap | None = None,
     elsewhere: str | None = None,
+    odd_one: str | None = None,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -155,7 +156,14 @@ def verdict_sentence(
         unproven: whether what was named does not hold on the hold-out.
         abroad: where a hold-out went that therefore cannot judge what was named.
         elsewhere: channel in which something shows on the hold-out alone.
+        odd_one: a recording of the hold-out that was learned from for it.
     """
+    if elsewhere is not None and odd_one is not None:
+        return (
+            f"The model explains all recordings but {odd_one}, which shows in the {_CHANNEL_WORDS[elsewhere]} what the "
+            "others hardly do, and one recording is not enough to learn it from. Record more runs like it, and add "
+            "them with --with."
+        )
     if elsewhere is not None:
         return (
             f"The model explains these recordings, but not the hold-out: there, errors reach {_times(proof.after)} "

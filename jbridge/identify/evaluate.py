@@ -14,7 +14,7 @@ from ..recordings import Recording
 from .base import WINDOW, channel_errors
 from .finer import FINER, less_own_error
 from .force_balance import Balance, as_played, balance
-from .lanes import Batch, Grid
+from .lanes import Batch, Grid, Lanes
 from .linearise import Engine
 from .result import Errors, Trace
 from .setting import Setting, lanes_for
@@ -76,16 +76,13 @@ def _simulate(
     finer: bool,
 ) -> tuple[Batch, NDArray[np.float64]]:
     batch = lanes_for(engine.table, plant, setting, recordings, window, like)
-    times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
-    early = (times <= START)[:, :, None]
 
     def started(
         batch: Batch, initial: NDArray[np.float64], iterations: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        lanes = eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jnp.where(early, batch.lanes.weight, 0.0))
         fits = solve(
             engine,
-            dataclasses.replace(batch, lanes=lanes),
+            dataclasses.replace(batch, lanes=early(batch)),
             vector[None],
             [np.zeros(0, np.int64)],
             initial=initial[None],
@@ -101,6 +98,13 @@ def _simulate(
         fine = np.asarray(engine.motions(vector, initial, batch, finer=FINER)[1])
         predicted = np.where(np.isfinite(fine), fine, predicted)
     return batch, predicted
+
+
+def early(batch: Batch) -> Lanes:
+    """A batch's lanes with what tells of their starts alone: nothing after the first half second counts."""
+    times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
+    weight = jnp.where((times <= START)[:, :, None], batch.lanes.weight, 0.0)
+    return eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, weight)
 
 
 def traces(

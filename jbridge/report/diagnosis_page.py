@@ -128,6 +128,8 @@ def _alarm(diagnosis: Diagnosis) -> str:
     chance = f" (p = {adequacy.p_value:.2g})" if math.isfinite(adequacy.p_value) else ""
     if adequacy.alarm:
         return f"The model as given does not explain the recordings{chance}."
+    if diagnosis.verdict == "unknown":
+        return f"The model as given, refitted, explains the recordings, but not all that it should foresee{chance}."
     return f"The model as given, refitted, explains what can be explained{chance}."
 
 
@@ -170,7 +172,9 @@ def _effects(diagnosis: Diagnosis, gallery: Gallery) -> str:
     if not diagnosis.effects:
         none = {
             "adequate": "Nothing needs to be added to the model.",
-            "unknown": "No physics of the catalogue explains what is missing, so none is named.",
+            "unknown": "No physics of the catalogue explains what is missing, so none is named."
+            if diagnosis.adequacy.alarm
+            else "The recordings hardly show it, so nothing is named.",
         }
         return section("What is missing", paragraph(none.get(diagnosis.verdict, "")))
     heading = "What is missing" if diagnosis.verdict != "unknown" else "What was found, though more is missing"

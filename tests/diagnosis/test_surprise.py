@@ -32,8 +32,16 @@ def test_what_only_the_hold_out_shows_is_said():
     found = diagnosed(1, DRAGGED)
     assert found.verdict == "unknown" and not found.effects and not found.adequacy.alarm
     assert "but not the hold-out" in found.statement and "cart position" in found.statement
-    assert (found.location.site, found.location.equation) == ("cart", "cart")
+    assert (found.location.site, found.location.equation) == (None, "cart")
     assert found.holdout == ("fast-0.csv",)
+
+
+def test_one_that_alone_shows_it_is_not_learned_from():
+    """It would be taken away from the proof, and the others prove nothing."""
+    slow = [run(f"slow-{i}.csv", i, 0.6, DRAGGED) for i in range(4)]
+    found = diagnose(scaled(cart_model(DRY, **NUMBERS), START), slow[:3], [slow[3], run("fast.csv", 10, 2.0, DRAGGED)])
+    assert found.verdict == "unknown" and found.holdout == ("slow-3.csv", "fast.csv")
+    assert not any("learned from, too" in note for note in found.notes)
 
 
 def test_of_two_one_is_learned_from_and_the_other_proves_it():
