@@ -16,12 +16,14 @@ from ..identify.base import channel_errors
 from ..identify.evaluate import Run, early
 from ..identify.finer import LastFit
 from ..identify.lanes import Batch
-from ..identify.uncertainty import covariance, widened
+from ..identify.uncertainty import covariance
 from .adequacy import LARGE
 
 _SURE = 4.0
-"""Times the squared error that uncertain numbers and starts make, from which it is no chance: two of what an interval
-takes for a standard deviation."""
+"""Times the squared error that uncertain numbers and starts make, from which it is no chance: two standard deviations.
+
+Not those of the intervals: widening each number by itself parts what the recordings hold together, and would allow
+errors a hundred times as large."""
 _COARSE = 2.0
 """What the limit is multiplied by where the engine's own steps may make such errors."""
 
@@ -70,9 +72,6 @@ def _expected(fitted: LastFit, batch: Batch) -> NDArray[np.float64]:
     """Of each lane, the weighted squared error that uncertain numbers and an uncertain start make."""
     count, columns = len(fitted.free), fitted.columns
     cov = covariance(fitted.gram.products[0], fitted.gram.predicted[0], count, columns, fitted.initial, fitted.batch)
-    std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    wider = widened(std, fitted.vector[fitted.free]) / std
-    cov = cov * wider[:, None] * wider
 
     def products(batch: Batch) -> NDArray[np.float64]:
         rows = fitted.vector[None], fitted.free[None], batch.initial[None]
