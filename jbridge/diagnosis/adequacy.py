@@ -3,7 +3,8 @@
 *Large*: some channel is met worse than 1.5 times its noise. *Significant*: residuals hang together over longer times
 than noise does, judged against the same residuals with the signs of short blocks drawn at random. *Learnable*: what
 is chosen on some recordings predicts the residual of the others (`screen`), or the force that is missing (`repeats`);
-what is large but does not repeat is the rig's own scatter.
+what is large but does not repeat is the rig's own scatter. What is not large, but noticeable, raises one only if a name
+explains most of it, on recordings that had no part in its fit and on the hold-out.
 """
 
 from collections.abc import Mapping
@@ -19,6 +20,8 @@ from .result import Channel
 
 LARGE = 1.5
 """Error over noise from which a channel counts as badly met."""
+NOTICEABLE = 1.1
+"""The same from which names are tried."""
 SIGNIFICANT = 0.01
 LEARNABLE = 0.3
 """Least share of the excess that must repeat from one recording to another."""
@@ -46,9 +49,10 @@ def worst_ratio(errors: Mapping[str, float], noise: Mapping[str, float]) -> floa
     return max((error / noise[axis] for axis, error in errors.items()), default=0.0)
 
 
-def is_large(found: Mapping[str, Channel]) -> bool:
+def is_large(found: Mapping[str, Channel], limit: float = LARGE) -> bool:
+    """Whether some channel is met worse than so many times its noise."""
     # Written so that what is no number counts as large.
-    return any(not channel.ratio <= LARGE for channel in found.values())
+    return any(not channel.ratio <= limit for channel in found.values())
 
 
 def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, windows: bool) -> bool:
@@ -61,7 +65,23 @@ def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, w
         windows: whether windows were compared, since whole recordings drift too far.
     """
     first, last = (worst_ratio(errors.window if windows else errors.free_run, noise) for errors in (before, after))
-    return last <= LARGE or last - 1.0 <= (1.0 - PROVEN) * (first - 1.0)
+    return last <= LARGE or _closes(first, last)
+
+
+def closes_little(before: Errors, after: Errors, noise: Mapping[str, float]) -> bool:
+    """Whether what was named for a small error is seen on the hold-out, too, and closes the gap there.
+
+    Args:
+        before: the hold-out's errors without it.
+        after: with it.
+        noise: standard deviation of each channel [m, rad, m].
+    """
+    first, last = (worst_ratio(errors.free_run, noise) for errors in (before, after))
+    return first > NOTICEABLE and _closes(first, last)
+
+
+def _closes(first: float, last: float) -> bool:
+    return last - 1.0 <= (1.0 - PROVEN) * (first - 1.0)
 
 
 def significance(batch: Batch, predicted: NDArray[np.float64], seed: int = 0, *, draws: bool = True) -> float:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
@@ -25,11 +25,13 @@ from .adequacy import (
     FORESEEN,
     LARGE,
     LEARNABLE,
+    NOTICEABLE,
     PROVEN,
     SIGNIFICANT,
     STILL_LEARNABLE,
     carries_over,
     channels,
+    closes_little,
     is_large,
     significance,
     worst_ratio,
@@ -67,8 +69,9 @@ def diagnose(
     Args:
         model: structure, start values and what is known.
         recordings: measured runs from which everything is chosen.
-        holdout: runs that are opened once, after the model is frozen. Without any, the last quarter of the recordings
-            (of the time, if there is one recording) plays that part, and the report says so.
+        holdout: runs that are opened after the model is frozen. If several show what the recordings hardly do, the
+            worst is learned from in a second diagnosis. Without any, the last quarter of the recordings (of the time,
+            if there is one recording) plays their part. The report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
         leave_out: of "rescreening", "seeds" and "bootstrap", what is done without, to measure what it is worth:
@@ -113,6 +116,14 @@ class _Plan:
     """Whether a recording of the hold-out may be learned from, if others show the same."""
     surprised: str | None = None
     """The channel for which one was."""
+    least: float = NOTICEABLE
+    """Error over noise from which names are tried; 0 once the hold-out has shown that something is missing."""
+    prepared: "tuple[Setting, Plant, BaseFit] | None" = None
+    """What does not depend on that."""
+
+    def asking(self, least: float, prepared: "tuple[Setting, Plant, BaseFit]") -> "_Plan":
+        """The same with names tried from other errors on."""
+        return dataclasses.replace(self, least=least, prepared=prepared)
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
@@ -125,6 +136,8 @@ class _Plan:
             notes=(*self.notes, note),
             spare=False,
             surprised=channel,
+            least=NOTICEABLE,
+            prepared=None,
         )
 
 
@@ -133,10 +146,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     tell = progress or (lambda text: None)
     model, recordings, holdout = plan.model, plan.recordings, plan.holdout
     new, former, leave_out, notes = plan.new, plan.former, plan.leave_out, plan.notes
-    setting = make_setting(model, recordings, holdout)
-    plant = resolve(model.plant, setting.length)
-    base = base_fit(plant, model.known, setting, progress=progress)
-    check_runs(base, recordings)
+    setting, plant, base = plan.prepared or _prepare(model, recordings, holdout, progress)
     tell("simulating the model as given, refitted")
     window = None if base.chi < DRIFTING else WINDOW
     insist = former.names if former else frozenset()
@@ -147,16 +157,18 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     search = searching()
     draws = BOOTSTRAP not in leave_out
     found, p_value, large = _asked(base, setting, draws)
-    explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
+    explained = accept_effects(search, base, _worth_it(plan, found, p_value))
     better = _as_good(base, explained)
     if better is not None:
         base, search = better, searching()
         found, p_value, large = _asked(base, setting, draws)
-        explained = accept_effects(search, base, large and p_value <= SIGNIFICANT)
+        explained = accept_effects(search, base, _worth_it(plan, found, p_value))
     base_plant = base.engine.table.unravel(base.vector)
     width = columns_for(len(base.free))
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
+    if not large and not steps:
+        learnable = learnable_after = np.nan
     badly = [axis for axis, channel in found.items() if not channel.ratio <= LARGE]
     repeating = learnable >= LEARNABLE
     if large and p_value <= SIGNIFICANT and not repeating:
@@ -169,7 +181,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     elif state.worst > LARGE and not left_repeats:
         foreseen = _still_foreseen(state, setting)
         learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
-    alarm = bool(large and p_value <= SIGNIFICANT and repeating)
+    alarm = bool(repeating and p_value <= SIGNIFICANT if large else steps)
     curved = force_without_a_name(search, state) if alarm and state.worst > LARGE and left_repeats else None
     changed = bool(steps) or curved is not None
     final = _last_fit(state) if changed else LastFit.of(base)
@@ -188,8 +200,15 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         forget()  # what was tried is needed no more
     tell("opening the hold-out")
     runs = _evaluate(base_plant, final_plant, setting, width, final, base)
+    prepared = setting, plant, base
+    if steps and not large and not closes_little(runs[2].errors, runs[3].errors, setting.noise):
+        return plan.asking(LARGE, prepared)
     # Windows say nothing of free runs, and a force without a name explains nothing.
-    unprepared = surprise(final, runs[3], setting.noise) if curved is None and search.window is None else None
+    judged = curved is None and search.window is None
+    if judged and not steps and plan.least == NOTICEABLE:
+        if surprise(final, runs[3], setting.noise, NOTICEABLE) is not None:
+            return plan.asking(0.0, prepared)
+    unprepared = surprise(final, runs[3], setting.noise) if judged else None
     if unprepared is not None and plan.spare and len(unprepared.recordings) > 1:
         tell("learning from a recording of the hold-out, too")
         return plan.taking_in(unprepared.recordings[0], unprepared.channel)
@@ -280,6 +299,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         tuple(dict.fromkeys(notes)),
         {
             "large": LARGE,
+            "noticeable": NOTICEABLE,
             "significant": SIGNIFICANT,
             "learnable": LEARNABLE,
             "foreseen": FORESEEN,
@@ -293,6 +313,24 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         },
         0.0,  # told by whoever asked
     )
+
+
+def _prepare(
+    model: Model,
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    progress: Callable[[str], None] | None,
+) -> tuple[Setting, Plant, BaseFit]:
+    setting = make_setting(model, recordings, holdout)
+    plant = resolve(model.plant, setting.length)
+    base = base_fit(plant, model.known, setting, progress=progress)
+    check_runs(base, recordings)
+    return setting, plant, base
+
+
+def _worth_it(plan: _Plan, found: Mapping[str, Channel], p_value: float) -> bool:
+    """Whether names are to be tried."""
+    return is_large(found, plan.least) and (p_value <= SIGNIFICANT or not plan.least)
 
 
 def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:

@@ -91,7 +91,7 @@ def _bound(seed: Look, key: str, one_sided: bool) -> tuple[float, float, float]:
     if seed.candidate.harmonic:
         # A sine and a cosine together make up any phase.
         parts = widened(np.sqrt(np.diag(covariance)[at]), np.abs(estimate[at]))
-        most = max(float(np.linalg.eigvalsh(part)[-1]) for part in seed.change)
+        most = max(0.0, *(float(np.linalg.eigvalsh(part)[-1]) for part in seed.change))
         return float(np.hypot.reduce(estimate[at])), float(np.hypot.reduce(parts)), float(np.sqrt(most))
     if len(at) > 1:
         # The mean of all levels of a map is left out, those of the other direction included.
@@ -103,7 +103,8 @@ def _bound(seed: Look, key: str, one_sided: bool) -> tuple[float, float, float]:
     worst = int(np.argmax(value + _NORMAL * std))
     # At its bound a number takes the effect's others along as far as the recordings ask for that.
     along = covariance[:, at[worst]] / variance[worst]
-    change = np.sqrt(max(float(along @ products @ along) for products in seed.change))
+    # Of an effect that changes nothing, rounding may leave less than nothing.
+    change = np.sqrt(max(0.0, *(float(along @ products @ along) for products in seed.change)))
     return float(value[worst]), float(std[worst]), float(change)
 
 

@@ -214,7 +214,7 @@ class Diagnosis:
     window: float
     """Length of the windows of the window errors [s]."""
     holdout: tuple[str, ...]
-    """Recordings that were opened once, after the model was frozen."""
+    """Recordings that no number was learned from."""
     traces: tuple[Trace, ...]
     trials: tuple[Mapping[str, object], ...]
     """Every explanation that was refitted: kind, site, cost over noise, accepted or why not."""

@@ -32,6 +32,9 @@ NONLINEAR = 3.0
 """Error over noise above which a mismatch may be too large for one linear screen of whole recordings."""
 MOST = 0.5
 """Least share of the excess that an effect must explain where the model is already adequate."""
+NEARLY_ALL = 0.75
+"""The same of the first effect. One law that is missing explains a small error whole (ten of eleven that were left out
+0.82 and more); what explains it by half is another one's likeness."""
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
@@ -84,7 +87,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         least = HOLDS if after >= LEARNABLE else LEARNABLE
         if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
-            least = MOST
+            least = MOST if steps else NEARLY_ALL
         reasons, passed = _judged(state, trials, least)
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))

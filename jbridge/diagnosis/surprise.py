@@ -36,13 +36,14 @@ class Surprise(NamedTuple):
     """Those of the hold-out that show it, the worst first."""
 
 
-def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float]) -> Surprise | None:
+def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float], limit: float = LARGE) -> Surprise | None:
     """Whether recordings of a hold-out are met worse than those learned from and all that is uncertain allow.
 
     Args:
         fitted: the final model.
         run: its free runs over the hold-out.
         noise: standard deviation of each channel [m, rad, m].
+        limit: error over noise from which anything is one.
 
     Returns:
         The channel that is met worst, and where. None also where the recordings themselves are met badly, since then
@@ -54,7 +55,7 @@ def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float]) -> Surprise 
     worst = max(ratios, key=lambda axis: np.nan_to_num(ratios[axis], nan=np.inf), default=None)
     if worst is None or not max(own.values()) <= LARGE:
         return None
-    limit = LARGE if fitted.finer else _COARSE * LARGE
+    limit *= 1.0 if fitted.finer else _COARSE
     k = AXES.index(worst)
     weight = np.asarray(run.batch.lanes.weight)[:, :, k]
     residual = np.where(weight > 0, (run.predicted - np.asarray(run.batch.lanes.y))[:, :, k] * weight, 0.0)

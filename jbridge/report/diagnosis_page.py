@@ -96,7 +96,7 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
     return section(
         "How well it fits, before and after" if changed else "How well it fits",
         paragraph(
-            f"The proof is on recordings that were opened once, after the model was frozen: {names}."
+            f"The proof is on recordings that no number was learned from: {names}."
             if names
             else "No recording was held out."
         ),
