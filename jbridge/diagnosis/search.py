@@ -21,7 +21,7 @@ from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
 from .levels import ADDED_LEVELS, anchored, settle_levels
 from .normal import Tangents
 from .screen import Screen, Screened, screen
-from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, transfer
+from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, smoothness, transfer
 
 REFITS = 5
 """Most candidates that are refitted at a time."""
@@ -44,7 +44,8 @@ def state_of(
     """A fit of one row as a state of the search."""
     free = fits.free[0]
     width = columns_for(len(free))
-    cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch))
+    smooth = smoothness(engine.table, fits.vectors[0], free)
+    cv = cross_validated(fits.gram.products[0], len(free), width, fits.initial[0], batch, folds(batch), smooth)
     return State(
         plant=engine.table.unravel(fits.vectors[0]),
         known=known,
@@ -249,7 +250,9 @@ class Search:
         free = fits.free[k]
         products = fits.gram.products[k]
         ran = bool(np.isfinite(products).all())
-        cv = cross_validated(products, len(free), width, fits.initial[k], batch, folds(batch)) if ran else np.inf
+        smooth = smoothness(engine.table, fits.vectors[k], free)
+        weights = (products, len(free), width, fits.initial[k], batch, folds(batch), smooth)
+        cv = cross_validated(*weights) if ran else np.inf
         known = state.known - ({candidate.site} if candidate.kind == WRONG_VALUE else set())
         plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
         cost = float(fits.cost[k]) if ran else np.inf

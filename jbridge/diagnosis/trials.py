@@ -112,18 +112,21 @@ def cross_validated(
     initial: NDArray[np.float64],
     batch: Batch,
     groups: NDArray[np.int64],
+    smooth: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> float:
     """Cost of each recording under the parameters that the others give, from one Gauss-Newton step.
 
     At an optimum, leaving a recording out moves the parameters by a small step, which the Gram matrices at hand give
-    without a further simulation.
+    without a further simulation. What is known beforehand (`smoothness`) goes in with the others, so that knots of a
+    map to which none of them goes follow their neighbours.
     """
+    prior, pull = smooth
     reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
     total = 0.0
     for r in np.unique(groups[groups >= 0]):
         inside = groups == r
-        matrix = reduced.by_lane[~inside].sum(axis=0)
-        gradient = reduced.gradient_by_lane[~inside].sum(axis=0)
+        matrix = reduced.by_lane[~inside].sum(axis=0) + prior
+        gradient = reduced.gradient_by_lane[~inside].sum(axis=0) + pull
         scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
         scaled = matrix / np.outer(scale, scale)
         step = -np.linalg.solve(scaled + 1e-7 * np.eye(count), gradient / scale) / scale if count else np.zeros(0)
@@ -132,6 +135,27 @@ def cross_validated(
         # A step that leaves the region where the model is linear says only that the parameter is not determined.
         total += own + float(np.clip(change, -0.5 * own, 3.0 * own))
     return total
+
+
+def smoothness(
+    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What is known beforehand of the free numbers: neighbours in a map differ about as much as they do in this one.
+
+    Returns:
+        Precision `(free, free)`, and its gradient where the numbers are now, `(free,)`.
+    """
+    precision = np.zeros((len(free), len(free)))
+    maps: dict[str, list[int]] = {}
+    for j, place in enumerate(free):
+        if table.entry(int(place)).info.vector:
+            maps.setdefault(table.entry(int(place)).group, []).append(j)
+    for members in maps.values():
+        step = np.diff(np.eye(len(members)), axis=0)
+        differences = step @ vector[free[members]]
+        scale = max(float(np.mean(differences**2)), 1e-300) if len(differences) else 1.0
+        precision[np.ix_(members, members)] = step.T @ step / scale
+    return precision, precision @ vector[free]
 
 
 def folds(batch: Batch) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
 from jbridge.diagnosis.ties import ties
-from jbridge.diagnosis.trials import beyond_belief, cross_validated, transfer
+from jbridge.diagnosis.trials import beyond_belief, cross_validated, smoothness, transfer
 from jbridge.identify.lanes import make_batch
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.parameters import ParameterTable
@@ -92,6 +92,46 @@ def test_cross_validation_of_a_linear_model_is_exact():
     lanes, count, samples = 4, 2, 60
     design = key.standard_normal((lanes, samples, count))
     data = design @ [1.0, -2.0] + 0.3 * key.standard_normal((lanes, samples))
+    found, residual = left_out(design, data, (np.zeros((count, count)), np.zeros(count)))
+    wanted = 0.0
+    for r in range(lanes):
+        others = np.delete(np.arange(lanes), r)
+        own = np.linalg.lstsq(design[others].reshape(-1, count), data[others].reshape(-1), rcond=None)[0]
+        wanted += float(((design[r] @ own - data[r]) ** 2).sum())
+    assert found == pytest.approx(wanted, rel=1e-5)
+    assert found > float((residual**2).sum())
+
+
+def test_knots_that_one_recording_alone_knows_follow_their_neighbours_without_it():
+    key = np.random.default_rng(1)
+    levels, lanes, samples = [2.0, 2.2, 2.5, 2.6], 4, 80
+    plant = make_plant(
+        ("position_dependent_friction", "cart", {"knots": [0.2, 0.5, 0.8, 1.1], "levels": levels}), COULOMB
+    )
+    table = ParameterTable(plant)
+    free = np.array(table.positions("position_dependent_friction@cart.levels"))
+    design = np.abs(key.standard_normal((lanes, samples, 4)))
+    design[1:, :, 3] = 0.0
+    data = design @ levels + 0.1 * key.standard_normal((lanes, samples))
+    best = np.linalg.lstsq(design.reshape(-1, 4), data.reshape(-1), rcond=None)[0]
+    vector = np.array(table.ravel(plant))
+    vector[free] = best
+    found, residual = left_out(design, data, smoothness(table, vector, free))
+    # The same with a row for each difference: none is expected, give or take as much as there is.
+    differences = np.diff(np.eye(4), axis=0) / np.sqrt(np.mean(np.diff(best) ** 2))
+    wanted = 0.0
+    for r in range(lanes):
+        others = np.delete(np.arange(lanes), r)
+        rows = np.concatenate([design[others].reshape(-1, 4), differences])
+        own = np.linalg.lstsq(rows, np.append(data[others].reshape(-1), np.zeros(3)), rcond=None)[0]
+        wanted += float(((design[r] @ own - data[r]) ** 2).sum())
+    assert found == pytest.approx(wanted, rel=1e-4)
+    assert found > float((residual**2).sum())
+
+
+def left_out(design, data, smooth):
+    """Cost of each lane under what the others give, and the residuals of the joint optimum."""
+    lanes, samples, count = design.shape
     best = np.linalg.lstsq(design.reshape(-1, count), data.reshape(-1), rcond=None)[0]
     residual = design @ best - data
     # Initial states, which nothing depends on here.
@@ -100,14 +140,7 @@ def test_cross_validation_of_a_linear_model_is_exact():
     times = np.arange(100) * 0.01
     runs = [make_recording(f"{i}.csv", times, u_x=np.sin(times), x=np.cos(times)) for i in range(lanes)]
     batch = make_batch(runs, NOISE)
-    found = cross_validated(products, count, count, batch.initial, batch, batch.recording)
-    wanted = 0.0
-    for r in range(lanes):
-        others = np.delete(np.arange(lanes), r)
-        own = np.linalg.lstsq(design[others].reshape(-1, count), data[others].reshape(-1), rcond=None)[0]
-        wanted += float(((design[r] @ own - data[r]) ** 2).sum())
-    assert found == pytest.approx(wanted, rel=1e-5)
-    assert found > float((residual**2).sum())
+    return cross_validated(products, count, count, batch.initial, batch, batch.recording, smooth), residual
 
 
 def screened(kind, site, cost):
