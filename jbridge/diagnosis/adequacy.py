@@ -3,8 +3,8 @@
 *Large*: some channel is met worse than 1.5 times its noise. *Significant*: residuals hang together over longer times
 than noise does, judged against the same residuals with the signs of short blocks drawn at random. *Learnable*: what
 is chosen on some recordings predicts the residual of the others (`screen`), or the force that is missing (`repeats`);
-what is large but does not repeat is the rig's own scatter. What is not large, but noticeable, raises one only if a name
-explains most of it, on recordings that had no part in its fit and on the hold-out.
+what is large but does not repeat is the rig's own scatter. What is not large raises one only if a name explains most of
+it, on recordings that had no part in its fit and on the hold-out.
 """
 
 from collections.abc import Mapping
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ..identify.base import channel_errors
+from ..identify.evaluate import Run
 from ..identify.lanes import Batch
 from ..identify.result import Errors
 from .result import Channel
@@ -45,8 +46,8 @@ def channels(batch: Batch, predicted: NDArray[np.float64], noise: Mapping[str, f
 
 
 def worst_ratio(errors: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Error over noise of the channel that is met worst."""
-    return max((error / noise[axis] for axis, error in errors.items()), default=0.0)
+    """Error over noise of the channel that is met worst; infinite where a simulation ran away."""
+    return max((float(np.nan_to_num(e / noise[axis], nan=np.inf)) for axis, e in errors.items()), default=0.0)
 
 
 def is_large(found: Mapping[str, Channel], limit: float = LARGE) -> bool:
@@ -68,16 +69,26 @@ def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, w
     return last <= LARGE or _closes(first, last)
 
 
-def closes_little(before: Errors, after: Errors, noise: Mapping[str, float]) -> bool:
-    """Whether what was named for a small error is seen on the hold-out, too, and closes the gap there.
+def closes_little(before: Run, after: Run) -> bool:
+    """Whether what was named for a small error shows on the hold-out, too, and closes the gap there.
+
+    Of each recording and channel by itself, since one of many may be all that shows it.
 
     Args:
-        before: the hold-out's errors without it.
+        before: the hold-out's free runs without it.
         after: with it.
-        noise: standard deviation of each channel [m, rad, m].
     """
-    first, last = (worst_ratio(errors.free_run, noise) for errors in (before, after))
+    first, last = (float(np.max(ratios(run), initial=0.0)) for run in (before, after))
     return first > NOTICEABLE and _closes(first, last)
+
+
+def ratios(run: Run) -> NDArray[np.float64]:
+    """Error over noise, `(recording, channel)`; infinite where a simulation ran away, 0 where nothing was measured."""
+    weight = np.asarray(run.batch.lanes.weight)
+    residual = np.where(weight > 0, run.predicted - np.asarray(run.batch.lanes.y), 0.0) * weight
+    number = np.maximum(np.count_nonzero(weight, axis=1), 1)
+    power = np.nan_to_num(np.sum(residual**2, axis=1) / number, nan=np.inf)
+    return np.sqrt(power)[np.asarray(run.batch.recording) >= 0]
 
 
 def _closes(first: float, last: float) -> bool:

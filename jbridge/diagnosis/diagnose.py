@@ -2,8 +2,10 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +49,11 @@ from .repeats import repeating_share
 from .result import Adequacy, Channel, Diagnosis, Former, NamedEffect
 from .revise import SUPERFLUOUS
 from .rounds import DRIFTING, MOST_EFFECTS, Explained, accept_effects
-from .search import BOOTSTRAP, PARTS, Search
+from .search import BOOTSTRAP, PARTS, Search, state_of
 from .surprise import surprise
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE, State, transfer
-from .words import Proof, verdict_sentence
+from .words import Elsewhere, Proof, verdict_sentence
 
 
 def diagnose(
@@ -116,14 +118,6 @@ class _Plan:
     """Whether a recording of the hold-out may be learned from, if others show the same."""
     surprised: str | None = None
     """The channel for which one was."""
-    least: float = NOTICEABLE
-    """Error over noise from which names are tried; 0 once the hold-out has shown that something is missing."""
-    prepared: "tuple[Setting, Plant, BaseFit] | None" = None
-    """What does not depend on that."""
-
-    def asking(self, least: float, prepared: "tuple[Setting, Plant, BaseFit]") -> "_Plan":
-        """The same with names tried from other errors on."""
-        return dataclasses.replace(self, least=least, prepared=prepared)
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
@@ -136,8 +130,6 @@ class _Plan:
             notes=(*self.notes, note),
             spare=False,
             surprised=channel,
-            least=NOTICEABLE,
-            prepared=None,
         )
 
 
@@ -146,29 +138,35 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     tell = progress or (lambda text: None)
     model, recordings, holdout = plan.model, plan.recordings, plan.holdout
     new, former, leave_out, notes = plan.new, plan.former, plan.leave_out, plan.notes
-    setting, plant, base = plan.prepared or _prepare(model, recordings, holdout, progress)
+    setting = make_setting(model, recordings, holdout)
+    plant = resolve(model.plant, setting.length)
+    base = base_fit(plant, model.known, setting, progress=progress)
+    check_runs(base, recordings)
     tell("simulating the model as given, refitted")
-    window = None if base.chi < DRIFTING else WINDOW
     insist = former.names if former else frozenset()
-
-    def searching() -> Search:
-        return Search(plant, model.known, setting, window, progress, insist, leave_out)
-
-    search = searching()
     draws = BOOTSTRAP not in leave_out
-    found, p_value, large = _asked(base, setting, draws)
-    explained = accept_effects(search, base, _worth_it(plan, found, p_value))
-    better = _as_good(base, explained)
-    if better is not None:
-        base, search = better, searching()
+    for better_start in (False, True):
+        window = None if base.chi < DRIFTING else WINDOW
+        search = Search(plant, model.known, setting, window, progress, insist, leave_out)
         found, p_value, large = _asked(base, setting, draws)
-        explained = accept_effects(search, base, _worth_it(plan, found, p_value))
-    base_plant = base.engine.table.unravel(base.vector)
-    width = columns_for(len(base.free))
+        given = None if large else _freeze(fit_finely(LastFit.of(base)), setting, base)
+        tried = p_value <= SIGNIFICANT if given is None else _worth_a_name(given, setting, p_value)
+        explained = accept_effects(search, base, tried)
+        better = _as_good(base, explained)
+        if better is None or better_start:
+            break
+        base = better
     state, steps = explained.state, explained.steps
+    completed = None
+    if given is not None and steps:
+        tell("fitting once more, with finer steps")
+        completed = _freeze(fit_finely(_last_fit(state)), setting, base)
+        if not closes_little(given.holdout, completed.holdout):
+            explained, completed = _refuted(explained, search, base), None
+            state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
     if not large and not steps:
-        learnable = learnable_after = np.nan
+        learnable = learnable_after = nan
     badly = [axis for axis, channel in found.items() if not channel.ratio <= LARGE]
     repeating = learnable >= LEARNABLE
     if large and p_value <= SIGNIFICANT and not repeating:
@@ -181,34 +179,33 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     elif state.worst > LARGE and not left_repeats:
         foreseen = _still_foreseen(state, setting)
         learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
-    alarm = bool(repeating and p_value <= SIGNIFICANT if large else steps)
+    # What is not large is named only if the hold-out proves it, and then that is alarm enough.
+    alarm = bool(repeating and p_value <= SIGNIFICANT) if large else bool(steps)
     curved = force_without_a_name(search, state) if alarm and state.worst > LARGE and left_repeats else None
     changed = bool(steps) or curved is not None
-    final = _last_fit(state) if changed else LastFit.of(base)
-    if curved is None:
-        tell("fitting once more, with finer steps")
-        final = fit_finely(final)
-    values, told_hardly = _numbers(final, setting)
-    if curved is not None:
-        state, final = curved, _last_fit(curved)
-        values = _numbers(final, setting)[0] | values
-    final_plant = _plant_of(final)
-    if not changed:
-        base_plant = final_plant
-    table = ParameterTable(final_plant, setting.units)
     if steps:
         forget()  # what was tried is needed no more
-    tell("opening the hold-out")
-    runs = _evaluate(base_plant, final_plant, setting, width, final, base)
-    prepared = setting, plant, base
-    if steps and not large and not closes_little(runs[2].errors, runs[3].errors, setting.noise):
-        return plan.asking(LARGE, prepared)
+    if given is not None:
+        first, last = given, completed or given
+    else:
+        final = _last_fit(state) if changed else LastFit.of(base)
+        if curved is None:
+            tell("fitting once more, with finer steps")
+            final = fit_finely(final)
+        tell("opening the hold-out")
+        last = _freeze(final if curved is None else _last_fit(curved), setting, base)
+        # Of two, only the completed one leaves so little that finer steps show.
+        first = _freeze(LastFit.of(base), setting, base) if changed else last
+    values, told_hardly = _numbers(last.fit if curved is None else _last_fit(state), setting)
+    if curved is not None:
+        values = _numbers(last.fit, setting)[0] | values
+        state = curved
+    runs = first.train, last.train, first.holdout, last.holdout
+    base_plant, final_plant = first.plant, last.plant
+    table = ParameterTable(final_plant, setting.units)
     # Windows say nothing of free runs, and a force without a name explains nothing.
     judged = curved is None and search.window is None
-    if judged and not steps and plan.least == NOTICEABLE:
-        if surprise(final, runs[3], setting.noise, NOTICEABLE) is not None:
-            return plan.asking(0.0, prepared)
-    unprepared = surprise(final, runs[3], setting.noise) if judged else None
+    unprepared = surprise(last.fit, last.holdout) if judged else None
     if unprepared is not None and plan.spare and len(unprepared.recordings) > 1:
         tell("learning from a recording of the hold-out, too")
         return plan.taking_in(unprepared.recordings[0], unprepared.channel)
@@ -229,15 +226,19 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
             abroad = None
     # A map explains all that was recorded, and the hold-out asks for places where nobody has been.
     unproven = unproven and abroad is None
-    measure = f"windows of {WINDOW:g} s" if in_windows else "free runs"
-    first, last = (
+    before, after = (
         worst_ratio(run.errors.window if in_windows else run.errors.free_run, setting.noise) for run in runs[2:]
     )
+    proof = Proof(before, after, f"windows of {WINDOW:g} s" if in_windows else "free runs")
+    odd_one = None
+    if not alarm and unprepared is None and large and plan.surprised:
+        odd_one = Elsewhere(plan.surprised, plan.recordings[-1].name, nan)
     elsewhere = None
-    if not alarm and (unprepared is not None or (large and plan.surprised)):
-        elsewhere = plan.surprised if unprepared is None else unprepared.channel
+    if unprepared is not None:
+        elsewhere = Elsewhere(unprepared.channel, holdout[unprepared.recordings[0]].name, unprepared.ratio)
+    beyond = odd_one or elsewhere
     if not alarm:
-        verdict = "adequate" if elsewhere is None else "unknown"
+        verdict = "adequate" if beyond is None else "unknown"
     else:
         verdict = "missing_physics" if steps and not still and not unproven else "unknown"
     effects = named_of(steps, state, setting, table, values) if alarm else ()
@@ -247,10 +248,11 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     experiment = next_experiment(rivals, setting, tell) if rivals else None
     at = curved.plant.effects[-1].site if curved is not None else None
     train = [trace for trace in shown if trace.role == "train"]
-    latent = missing_forces(base, in_windows, train, tell) if alarm else None
+    # Of small errors a force with no law assumed would be noise.
+    latent = missing_forces(base, in_windows, train, tell) if alarm and large else None
     location = location_of(alarm, effects, steps, explained.screened, shown, at, latent)
-    if elsewhere is not None:
-        location = dataclasses.replace(location, site=None, equation=equation_of(elsewhere))
+    if not alarm and beyond is not None:
+        location = dataclasses.replace(location, site=None, equation=equation_of(beyond.channel))
     known_in = {(e.kind, e.site) for e in plant.effects}
     own = tuple(
         NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
@@ -264,14 +266,14 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         location,
         shown_before,
         left,
-        Proof(first, last, measure),
+        proof,
         large=large,
         asked=p_value <= SIGNIFICANT,
         curve=curved is not None,
         unproven=unproven and not still,
         abroad=abroad,
         elsewhere=elsewhere,
-        odd_one=plan.recordings[-1].name if plan.surprised else None,
+        odd_one=odd_one,
     )
     return Diagnosis(
         verdict,
@@ -315,22 +317,49 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     )
 
 
-def _prepare(
-    model: Model,
-    recordings: Sequence[Recording],
-    holdout: Sequence[Recording],
-    progress: Callable[[str], None] | None,
-) -> tuple[Setting, Plant, BaseFit]:
-    setting = make_setting(model, recordings, holdout)
-    plant = resolve(model.plant, setting.length)
-    base = base_fit(plant, model.known, setting, progress=progress)
-    check_runs(base, recordings)
-    return setting, plant, base
+class _Frozen(NamedTuple):
+    """A model whose numbers are settled, and how it meets what it was and was not learned from."""
+
+    fit: LastFit
+    plant: Plant
+    train: Run
+    holdout: Run
 
 
-def _worth_it(plan: _Plan, found: Mapping[str, Channel], p_value: float) -> bool:
-    """Whether names are to be tried."""
-    return is_large(found, plan.least) and (p_value <= SIGNIFICANT or not plan.least)
+def _freeze(fitted: LastFit, setting: Setting, base: BaseFit) -> _Frozen:
+    """The runs of a fitted model; `base` has programs that are compiled anyway."""
+    plant = fitted.engine.table.unravel(fitted.vector)
+    like = (base.free_run, base.windows)
+    with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
+        train, holdout = (
+            pool.submit(evaluate, plant, setting, which, fitted.columns, like, finer=fitted.finer)
+            for which in (setting.recordings, setting.holdout)
+        )
+    return _Frozen(fitted, plant, train.result(), holdout.result())
+
+
+def _worth_a_name(given: _Frozen, setting: Setting, p_value: float) -> bool:
+    """Whether names are tried for a model that leaves no large errors.
+
+    What all recordings but one can teach is asked of recordings in the plural.
+    """
+    if len(setting.recordings) < 2:
+        return False
+    left = channels(given.fit.batch, given.fit.gram.predicted[0], setting.noise)
+    noticeable = is_large(left, NOTICEABLE) and p_value <= SIGNIFICANT
+    return noticeable or surprise(given.fit, given.holdout, NOTICEABLE) is not None
+
+
+def _refuted(explained: Explained, search: Search, base: BaseFit) -> Explained:
+    """Nothing accepted: what explained a small error does not on the hold-out."""
+    state = state_of(base.engine, base.free_run, base.fits, search.known)
+    refused = [
+        (trial, "does not hold on the hold-out" if trial is step.chosen else step.refused.get(trial.candidate.name, ""))
+        for step in explained.steps
+        for trial in step.trials
+    ]
+    refused = [(trial, why or "explains less") for trial, why in refused]
+    return Explained(state, [], nan, nan, explained.screened, [*refused, *explained.refused])
 
 
 def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:
@@ -396,35 +425,12 @@ def _last_fit(state: State) -> LastFit:
     return LastFit(state.engine, state.vector, state.free, state.initial, gram, state.batch)
 
 
-def _plant_of(fitted: LastFit) -> Plant:
-    return fitted.engine.table.unravel(fitted.vector)
-
-
 def _numbers(fitted: LastFit, setting: Setting) -> tuple[dict[str, Estimate], tuple[str, ...]]:
     """A model's numbers with their intervals, and what the recordings hardly tell."""
     count = len(fitted.free)
     cov = covariance(
         fitted.gram.products[0], fitted.gram.predicted[0], count, fitted.columns, fitted.initial, fitted.batch
     )
-    table = ParameterTable(_plant_of(fitted), setting.units)
+    table = ParameterTable(fitted.engine.table.unravel(fitted.vector), setting.units)
     told = estimates(table, fitted.vector, fitted.free, cov, setting.period)
     return told, tuple(warnings(table, fitted.vector, fitted.free, cov))
-
-
-def _evaluate(
-    before: Plant, after: Plant, setting: Setting, width: int, final: LastFit, base: BaseFit
-) -> tuple[Run, Run, Run, Run]:
-    """Both models on what was recorded, and on the hold-out; the same one is run once.
-
-    Of two, only the completed one leaves so little that finer steps show.
-    """
-    like = (base.free_run, base.windows)
-
-    def runs(pool: ThreadPoolExecutor, plant: Plant, columns: int, finer: bool) -> list[Future[Run]]:
-        both = (setting.recordings, setting.holdout)
-        return [pool.submit(evaluate, plant, setting, which, columns, like, finer=finer) for which in both]
-
-    with ThreadPoolExecutor(2) as pool:  # the compiler and the programs release the interpreter
-        last = runs(pool, after, final.columns, final.finer)
-        first = last if before is after else runs(pool, before, width, False)
-    return first[0].result(), last[0].result(), first[1].result(), last[1].result()

@@ -87,7 +87,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         least = HOLDS if after >= LEARNABLE else LEARNABLE
         if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
-            least = MOST if steps else NEARLY_ALL
+            least = MOST if steps or search.window is not None else NEARLY_ALL
         reasons, passed = _judged(state, trials, least)
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))

@@ -5,9 +5,10 @@ be all that the hold-out shows. Of a model whose numbers are known as well as th
 """
 
 import dataclasses
-from collections.abc import Mapping
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +16,9 @@ from .._types import AXES
 from ..identify.base import channel_errors
 from ..identify.evaluate import Run, early
 from ..identify.finer import LastFit
-from ..identify.lanes import Batch
+from ..identify.lanes import Batch, Lanes
 from ..identify.uncertainty import covariance
-from .adequacy import LARGE
+from .adequacy import LARGE, ratios
 
 _SURE = 4.0
 """Times the squared error that uncertain numbers and starts make, from which it is no chance: two standard deviations.
@@ -34,53 +35,56 @@ class Surprise(NamedTuple):
     channel: str
     recordings: tuple[int, ...]
     """Those of the hold-out that show it, the worst first."""
+    ratio: float
+    """Error over noise of the worst."""
 
 
-def surprise(fitted: LastFit, run: Run, noise: Mapping[str, float], limit: float = LARGE) -> Surprise | None:
+def surprise(fitted: LastFit, run: Run, limit: float = LARGE) -> Surprise | None:
     """Whether recordings of a hold-out are met worse than those learned from and all that is uncertain allow.
 
     Args:
         fitted: the final model.
         run: its free runs over the hold-out.
-        noise: standard deviation of each channel [m, rad, m].
-        limit: error over noise from which anything is one.
+        limit: error over noise from which anything is a surprise.
 
     Returns:
-        The channel that is met worst, and where. None also where the recordings themselves are met badly, since then
-        that is to be explained first.
+        The channel that is met worst beyond what is allowed, and where. None also where the recordings themselves are
+        met badly, since then that is to be explained first.
     """
     own = channel_errors(fitted.batch, fitted.gram.predicted[0], over_noise=True)
-    ratios = {axis: run.errors.free_run[axis] / noise[axis] for axis in run.errors.free_run}
-    # What is no number is worse than any.
-    worst = max(ratios, key=lambda axis: np.nan_to_num(ratios[axis], nan=np.inf), default=None)
-    if worst is None or not max(own.values()) <= LARGE:
+    if not max(own.values()) <= LARGE:
         return None
     limit *= 1.0 if fitted.finer else _COARSE
-    k = AXES.index(worst)
-    weight = np.asarray(run.batch.lanes.weight)[:, :, k]
-    residual = np.where(weight > 0, (run.predicted - np.asarray(run.batch.lanes.y))[:, :, k] * weight, 0.0)
-    number = np.maximum(np.count_nonzero(weight, axis=1), 1)
-    power = np.nan_to_num(np.sum(residual**2, axis=1), nan=np.inf)
-    badly = (power > limit**2 * number) & (run.batch.recording >= 0)
-    if not badly.any():
-        return None
-    badly &= power - number > _SURE * _expected(fitted, run.batch)
-    order = sorted(np.flatnonzero(badly), key=lambda lane: -power[lane] / number[lane])
-    return Surprise(worst, tuple(int(run.batch.recording[lane]) for lane in order)) if order else None
+    batch, found = run.batch, ratios(run)
+    real = np.flatnonzero(np.asarray(batch.recording) >= 0)
+    for k in np.argsort(-found.max(axis=0)):
+        badly = found[:, k] > limit
+        if not badly.any():
+            continue
+        number = np.count_nonzero(np.asarray(batch.lanes.weight)[real, :, k], axis=1)
+        excess = np.maximum(found[:, k] ** 2 - 1.0, 0.0) * number
+        badly &= excess > _SURE * _expected(fitted, batch, int(k))[real]
+        if badly.any():
+            order = sorted(np.flatnonzero(badly), key=lambda lane: -found[lane, k])
+            which = tuple(int(batch.recording[real[lane]]) for lane in order)
+            return Surprise(AXES[k], which, float(found[order[0], k]))
+    return None
 
 
-def _expected(fitted: LastFit, batch: Batch) -> NDArray[np.float64]:
-    """Of each lane, the weighted squared error that uncertain numbers and an uncertain start make."""
+def _expected(fitted: LastFit, batch: Batch, channel: int) -> NDArray[np.float64]:
+    """Of each lane, the weighted squared error of a channel that uncertain numbers and an uncertain start make."""
     count, columns = len(fitted.free), fitted.columns
     cov = covariance(fitted.gram.products[0], fitted.gram.predicted[0], count, columns, fitted.initial, fitted.batch)
 
-    def products(batch: Batch) -> NDArray[np.float64]:
+    def products(lanes: Lanes) -> NDArray[np.float64]:
         rows = fitted.vector[None], fitted.free[None], batch.initial[None]
-        return fitted.engine.gram(*rows, batch, columns=columns).products[0]
+        return fitted.engine.gram(*rows, dataclasses.replace(batch, lanes=lanes), columns=columns).products[0]
 
+    alone = np.zeros_like(np.asarray(batch.lanes.weight))
+    alone[:, :, channel] = np.asarray(batch.lanes.weight)[:, :, channel]
     states = slice(columns, columns + batch.initial.shape[1])
-    whole = products(batch)
-    begun = products(dataclasses.replace(batch, lanes=early(batch)))[:, states, states]
+    whole = products(eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, jax.device_put(alone)))
+    begun = products(early(batch))[:, states, states]
     out = np.einsum("ij,lji->l", cov, whole[:, :count, :count])
     for lane in range(batch.count):
         free = np.isfinite(batch.prior[lane])

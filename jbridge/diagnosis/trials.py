@@ -207,7 +207,8 @@ def significance_of(
 
 def held(state: State, trial: Trial) -> float:
     """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
-    floor = float(measurements(trial.batch))
+    # Noise that was put too high would leave nothing to explain.
+    floor = min(float(measurements(trial.batch)), trial.cost)
     return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
 
 

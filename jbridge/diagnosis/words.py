@@ -113,6 +113,8 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
 
 def _times(ratio: float) -> str:
     """A ratio with two digits."""
+    if not math.isfinite(ratio):
+        return "more than a million"  # a simulation that ran away
     return f"{ratio:.2g}" if ratio < 99.5 else f"{float(f'{ratio:.2g}'):.0f}"
 
 
@@ -123,6 +125,15 @@ class Proof(NamedTuple):
     after: float
     measure: str
     """What was simulated: `free runs` or `windows of 2 s`."""
+
+
+class Elsewhere(NamedTuple):
+    """What a recording shows that others do not."""
+
+    channel: str
+    recording: str
+    ratio: float
+    """Error over noise there."""
 
 
 def verdict_sentence(
@@ -138,8 +149,8 @@ def verdict_sentence(
     curve: bool,
     unproven: bool = False,
     abroad: OffMap | None = None,
-    elsewhere: str | None = None,
-    odd_one: str | None = None,
+    elsewhere: Elsewhere | None = None,
+    odd_one: Elsewhere | None = None,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -155,21 +166,21 @@ def verdict_sentence(
         curve: whether a force without a name was put into the model.
         unproven: whether what was named does not hold on the hold-out.
         abroad: where a hold-out went that therefore cannot judge what was named.
-        elsewhere: channel in which something shows on the hold-out alone.
-        odd_one: a recording of the hold-out that was learned from for it.
+        elsewhere: what shows on the hold-out alone.
+        odd_one: the same of a recording that was learned from for it.
     """
-    if elsewhere is not None and odd_one is not None:
+    alarm = verdict == "missing_physics" or bool(effects)
+    if odd_one is not None:
         return (
-            f"The model explains all recordings but {odd_one}, which shows in the {_CHANNEL_WORDS[elsewhere]} what the "
-            "others hardly do, and one recording is not enough to learn it from. Record more runs like it, and add "
-            "them with --with."
+            f"What {odd_one.recording} shows in the {_CHANNEL_WORDS[odd_one.channel]} does not repeat in the other "
+            "recordings, and one is not enough to learn it from. Record more runs like it, and add them with --with."
         )
-    if elsewhere is not None:
+    if elsewhere is not None and not alarm:
         return (
-            f"The model explains these recordings, but not the hold-out: there, errors reach {_times(proof.after)} "
-            f"times the noise in the {_CHANNEL_WORDS[elsewhere]}, more than uncertain numbers would make. Something is "
-            "missing that hardly shows in these recordings. Record more runs like the hold-out, and add them with "
-            "--with."
+            f"The model explains these recordings, but not the hold-out: errors of {elsewhere.recording} reach "
+            f"{_times(elsewhere.ratio)} times the noise in the {_CHANNEL_WORDS[elsewhere.channel]}, more than "
+            "uncertain numbers would make. Something is missing that hardly shows in these recordings. Record more "
+            "runs like that one, and add them with --with."
         )
     worst = max(before, key=lambda axis: before[axis].ratio)
     ratio = before[worst].ratio
@@ -215,6 +226,12 @@ def verdict_sentence(
                 f"{d:.2f} m, and a map tells nothing of places where nobody has been. Record a run there."
             )
         rest = " What is left does not repeat from one recording to another." if final > LARGE else ""
+        if elsewhere is not None and abroad is None:
+            rest += (
+                f" But {elsewhere.recording} is still met worse than uncertain numbers allow, with "
+                f"{_times(elsewhere.ratio)} times the noise in the {_CHANNEL_WORDS[elsewhere.channel]}: something more "
+                "is missing that hardly shows in these recordings."
+            )
         return f"{lead}: {listed}. With {'it' if len(names) == 1 else 'them'} {gain}{rest}"
     like = f" {location.likeness.statement}" if location.likeness is not None and location.likeness.statement else ""
     if unproven:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+from ..diagnosis.adequacy import is_large
 from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
 from .figures.gallery import Gallery
@@ -56,7 +57,7 @@ def _header(diagnosis: Diagnosis) -> str:
         place += f" ({EQUATIONS[location.equation]})"
     named = "; ".join(effect_name(effect.kind, effect.site) for effect in diagnosis.effects)
     facts = [
-        ("Place", capital(place) if diagnosis.adequacy.alarm or location.site else "none"),
+        ("Place", capital(place) if diagnosis.adequacy.alarm or location.equation in EQUATIONS else "none"),
         ("Named physics", capital(named) if named else "none"),
         ("Hold-out error, before and after" if is_changed(diagnosis) else "Hold-out error", _worst(diagnosis)),
     ]
@@ -126,6 +127,8 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
 def _alarm(diagnosis: Diagnosis) -> str:
     adequacy = diagnosis.adequacy
     chance = f" (p = {adequacy.p_value:.2g})" if math.isfinite(adequacy.p_value) else ""
+    if adequacy.alarm and not is_large(adequacy.channels):
+        return f"The model as given leaves little of the recordings unexplained{chance}, but the hold-out shows it."
     if adequacy.alarm:
         return f"The model as given does not explain the recordings{chance}."
     if diagnosis.verdict == "unknown":
@@ -174,7 +177,7 @@ def _effects(diagnosis: Diagnosis, gallery: Gallery) -> str:
             "adequate": "Nothing needs to be added to the model.",
             "unknown": "No physics of the catalogue explains what is missing, so none is named."
             if diagnosis.adequacy.alarm
-            else "The recordings hardly show it, so nothing is named.",
+            else "Too few recordings show it, so nothing is named.",
         }
         return section("What is missing", paragraph(none.get(diagnosis.verdict, "")))
     heading = "What is missing" if diagnosis.verdict != "unknown" else "What was found, though more is missing"

@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jbridge.diagnosis.adequacy import LARGE, SIGNIFICANT, carries_over, channels, is_large, significance
+from jbridge.diagnosis.adequacy import (
+    LARGE,
+    SIGNIFICANT,
+    carries_over,
+    channels,
+    closes_little,
+    is_large,
+    ratios,
+    significance,
+    worst_ratio,
+)
+from jbridge.identify.evaluate import Run
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.result import Errors
 from tests.identify.cases import NOISE, make_recording
@@ -102,3 +113,28 @@ def test_a_gap_must_close_on_the_holdout_too(before, after, holds):
     scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
     assert carries_over(*(Errors(s, away) for s in scaled), noise, windows=False) is holds
     assert carries_over(*(Errors(good, s) for s in scaled), noise, windows=True) is holds
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "closes"),
+    [
+        ([1.3, 1.0, 1.0], [1.1, 1.0, 1.0], True),
+        ([1.3, 1.0, 1.0], [1.2, 1.0, 1.0], False),
+        # What the hold-out does not show is not proven by it.
+        ([1.05, 1.0, 1.0], [1.0, 1.0, 1.0], False),
+        ([1.3, 1.0, 1.0], [1.0, 1.3, 1.0], False),
+        ([1.3, 1.0, 1.0], [np.nan, 1.0, 1.0], False),
+    ],
+)
+def test_a_little_gap_must_close_in_every_recording(batch, before, after, closes):
+    first, last = (
+        Run(batch, predicted(batch, np.array(sizes)[:, None] * NOISE["x"] * np.ones(len(TIMES))), Errors({}, {}))
+        for sizes in (before, after)
+    )
+    np.testing.assert_allclose(ratios(first)[:, 0], before)
+    assert closes_little(first, last) is closes
+
+
+def test_a_simulation_that_ran_away_is_the_worst():
+    for errors in ({"x": np.nan, "l": 1e-3}, {"l": 1e-3, "x": np.nan}):
+        assert worst_ratio(errors, {"x": 1e-3, "l": 1e-3}) == np.inf

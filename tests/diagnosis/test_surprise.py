@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge import diagnose
-from jbridge.diagnosis.adequacy import NOTICEABLE
+from jbridge.diagnosis.adequacy import LARGE, NOTICEABLE
 from tests.identify.cases import DRY, cart_model, play, scaled, steps
 from tests.problems import make_plant
 
@@ -56,6 +56,15 @@ def test_what_no_name_foresees_is_said():
     assert "but not the hold-out" in found.statement and "cart position" in found.statement
     assert (found.location.site, found.location.equation) == (None, "cart")
     assert found.holdout == ("fast-0.csv",)
+
+
+def test_a_name_for_a_small_error_falls_with_the_hold_out():
+    """Drag in all recordings, none in the hold-out: a name that explains the recordings whole proves nothing there."""
+    found = diagnosed([run(f"slow-{i}.csv", i, 0.8, DRAGGED) for i in range(3)], fast(1))
+    assert all(channel.ratio < LARGE for channel in found.adequacy.channels.values())
+    assert found.verdict != "missing_physics" and not found.effects
+    (row,) = [t for t in found.trials if t["why"] == "does not hold on the hold-out"]
+    assert (row["kind"], row["site"], row["accepted"]) == ("quadratic_drag", "cart", False)
 
 
 def test_one_that_alone_shows_it_is_not_learned_from():

@@ -6,7 +6,7 @@ import pytest
 
 from jbridge.diagnosis.holdout import OffMap
 from jbridge.diagnosis.result import Channel, Likeness, Location, NamedEffect, Rival
-from jbridge.diagnosis.words import Proof, effect_sentence, verdict_sentence
+from jbridge.diagnosis.words import Elsewhere, Proof, effect_sentence, verdict_sentence
 from jbridge.identify.result import Estimate
 
 AT_CART = Location("cart", "cart", {"cart": 1.0}, (), ())
@@ -19,11 +19,9 @@ LIKE_FRICTION = Likeness(0.7, {"x": 0.7}, 0.95, -1.0, None, 0.0, "The missing fo
 AS_FRICTION = dataclasses.replace(AT_CART, likeness=LIKE_FRICTION)
 
 
-def said(
-    verdict, effects=(), after=AFTER, *, large=True, asked=True, curve=False, unproven=False, abroad=None, at=AT_CART
-):
+def said(verdict, effects=(), after=AFTER, *, unproven=False, at=AT_CART, **other):
     proof = Proof(30.0, 15.2, "windows of 2 s") if unproven else Proof(30.0, 1.2, "free runs")
-    told = {"large": large, "asked": asked, "curve": curve, "unproven": unproven, "abroad": abroad}
+    told = {"large": True, "asked": True, "curve": False, "unproven": unproven} | other
     return verdict_sentence(verdict, effects, at, BEFORE, after, proof, **told)
 
 
@@ -69,6 +67,27 @@ def said(
 )
 def test_verdicts_read_as_sentences(sentence, wanted):
     assert wanted in sentence and sentence.endswith(".")
+
+
+FAST = Elsewhere("x", "fast.csv", 3.04)
+
+
+def test_what_the_hold_out_alone_shows_is_told_with_its_recording():
+    alone = said("unknown", large=False, elsewhere=FAST)
+    assert alone.startswith(
+        "The model explains these recordings, but not the hold-out: errors of fast.csv reach 3 times"
+    )
+    beside = said("missing_physics", [FRICTION], elsewhere=FAST)
+    assert beside.startswith("The model lacks physics: Coulomb friction at the cart. With it the error on the hold-out")
+    assert "But fast.csv is still met worse than uncertain numbers allow, with 3 times the noise" in beside
+    # No recording is said to be explained that is not.
+    learned = said("unknown", odd_one=FAST)
+    assert learned.startswith("What fast.csv shows in the cart position does not repeat in the other recordings")
+    assert "explains" not in learned
+
+
+def test_a_simulation_that_ran_away_has_words():
+    assert "more than a million times the noise" in said("unknown", elsewhere=FAST._replace(ratio=float("inf")))
 
 
 def test_rivals_are_named_as_an_owner_would():
