@@ -41,9 +41,9 @@ anything, where, and what it is.
 DIR receives report.html (to look at), report.json (the same in numbers),
 model.toml (the model with what was found) and the figures.
 
-Recordings behind --holdout are opened after the model is frozen, and prove it;
-without them the last quarter of the recordings plays that part. If several show
-what the others hardly do, one is learned from after all, and DIR's report says so.
+Recordings behind --holdout are the proof: no number is learned from them. If
+several show what the others hardly do, one is learned from after all, and the
+report says so. Without any, the last quarter of the recordings plays that part.
 
 Where explanations cannot be told apart, DIR receives next_experiment.csv, an
 input that would separate them. Play it, and call the same command again with
