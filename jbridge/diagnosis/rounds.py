@@ -15,7 +15,7 @@ from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
 from .ties import look_alike, ties
-from .trials import State, Trial, accepts, held
+from .trials import State, Trial, accepts, explained, held
 
 MOST_EFFECTS = 6
 _KEPT = 2
@@ -33,8 +33,8 @@ NONLINEAR = 3.0
 MOST = 0.5
 """Least share of the excess that an effect must explain where the model is already adequate."""
 NEARLY_ALL = 0.75
-"""The same of the first effect. One law that is missing explains a small error whole (ten of eleven that were left out
-0.82 and more); what explains it by half is another one's likeness."""
+"""Least share of a small error that the first effect must explain, recordings that it was fitted to included. One law
+that is missing explains it whole; what explains it by half is another one's likeness."""
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
@@ -87,8 +87,9 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         least = HOLDS if after >= LEARNABLE else LEARNABLE
         if state.worst < LARGE:
             # What no longer raises an alarm needs a further effect only if that explains most of it.
-            least = MOST if steps or search.window is not None else NEARLY_ALL
-        reasons, passed = _judged(state, trials, least)
+            least = MOST
+        little = state.worst < LARGE and not steps and search.window is None
+        reasons, passed = _judged(state, trials, least, little)
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))
             trials = [*trials, *search.refit_all(state, tied)]
@@ -96,7 +97,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
             if alike is not None and alike not in {*reasons, *(a.name for a in state.accepted)}:
                 trials += mechanisms(search, state, alike)
             trials.sort(key=lambda t: t.score)
-            reasons, passed = _judged(state, trials, least)
+            reasons, passed = _judged(state, trials, least, little)
         if not passed:
             left = [(t, reasons[t.candidate.name]) for t in trials]
             break
@@ -137,9 +138,15 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     return Explained(state, steps, learnable, after, screened, left)
 
 
-def _judged(state: State, trials: Sequence[Trial], least: float) -> tuple[dict[tuple[str, str], str], list[Trial]]:
+def _judged(
+    state: State, trials: Sequence[Trial], least: float, little: bool
+) -> tuple[dict[tuple[str, str], str], list[Trial]]:
     """Why each trial does not pass, and those that do, the best first."""
     reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+    if little:
+        for t in trials:
+            if explained(state, t) < NEARLY_ALL:
+                reasons[t.candidate.name] = reasons[t.candidate.name] or "explains a part only"
     return reasons, [t for t in trials if not reasons[t.candidate.name]]
 
 

@@ -212,6 +212,12 @@ def held(state: State, trial: Trial) -> float:
     return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
 
 
+def explained(state: State, trial: Trial) -> float:
+    """Share of the excess over noise that a trial removes from the recordings that it is fitted to."""
+    floor = min(float(measurements(trial.batch)), trial.cost)
+    return 1.0 - (trial.cost - floor) / max(state.cost - floor, 1e-9)
+
+
 def least_gain(state: State) -> float:
     """Least share of the cost that a further effect must gain."""
     return _GAIN if len(state.accepted) < 2 else _LATER_GAIN
