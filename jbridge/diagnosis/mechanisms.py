@@ -17,6 +17,13 @@ from .trials import State, Trial
 
 _PROMISING = 0.8
 """Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
+_RINGS = {"belt_compliance": ("stiffness", (2.5, 7.0))}
+"""Effects that ring: the number that sets how fast, and by how much more it is tried beyond the largest seed. In
+a window of seconds its phase must be right before a fit sees the way; in a short one it need not."""
+_SHORT = 0.5
+"""Length of these windows [s]."""
+_NEAR = 2
+"""Winners on them that compete with the seeds on longer ones."""
 
 
 @dataclasses.dataclass
@@ -46,8 +53,19 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     def contest(seeds: list[Candidate]) -> _Contest:
         engine, vector, free = search.extended(state, seeds[0])
         rows = np.array([seed.set(engine.table, vector) for seed in seeds])
-        frees = [np.concatenate([free, seed.places(engine.table)]) for seed in seeds]
-        batch = lanes_for(engine.table, engine.table.unravel(rows[0]), search.setting, few, WINDOW)
+        places = np.concatenate([free, seeds[0].places(engine.table)])
+        plant = engine.table.unravel(rows[0])
+        if seeds[0].kind in _RINGS:
+            more = [*seeds, *stiffer(seeds)]
+            begin = np.array([seed.set(engine.table, vector) for seed in more])
+            short = lanes_for(engine.table, plant, search.setting, few, _SHORT)
+            width = columns_for(len(places))
+            found = solve(engine, short, begin, [places] * len(more), columns=width, iterations=8, tolerance=1e-2)
+            near = np.argsort(np.nan_to_num(found.cost, nan=np.inf))[:_NEAR]
+            rows = np.concatenate([rows, found.vectors[near]])
+            seeds = [*seeds, *(more[k] for k in near)]
+        frees = [places] * len(rows)
+        batch = lanes_for(engine.table, plant, search.setting, few, WINDOW)
         tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)
         best = int(np.nanargmin(np.where(np.isfinite(tries.cost), tries.cost, np.inf)))
         return _Contest(
@@ -66,3 +84,11 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
 def _few(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """The two shortest recordings."""
     return tuple(sorted(recordings, key=lambda r: r.duration)[:2])
+
+
+def stiffer(seeds: Sequence[Candidate]) -> list[Candidate]:
+    """An effect's seeds that ring fastest, ringing faster yet."""
+    key, factors = _RINGS[seeds[0].kind]
+    most = max(float(seed.values[key]) for seed in seeds)
+    fastest = [seed for seed in seeds if float(seed.values[key]) == most]
+    return [dataclasses.replace(s, values={**s.values, key: f * most}) for f in factors for s in fastest]

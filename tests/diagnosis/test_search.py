@@ -8,6 +8,7 @@ import pytest
 
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
+from jbridge.diagnosis.mechanisms import stiffer
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
 from jbridge.diagnosis.ties import ties
@@ -141,6 +142,16 @@ def left_out(design, data, smooth):
     runs = [make_recording(f"{i}.csv", times, u_x=np.sin(times), x=np.cos(times)) for i in range(lanes)]
     batch = make_batch(runs, NOISE)
     return cross_validated(products, count, count, batch.initial, batch, batch.recording, smooth), residual
+
+
+def test_what_rings_is_tried_faster_than_its_seeds_with_either_encoder():
+    seeds = [
+        Candidate("belt_compliance", "cart", {"stiffness": k, "encoder": encoder}, ("stiffness",), True)
+        for encoder in ("cart", "motor")
+        for k in (2e3, 12e3)
+    ]
+    found = [(s.values["stiffness"], s.values["encoder"]) for s in stiffer(seeds)]
+    assert found == [(30e3, "cart"), (30e3, "motor"), (84e3, "cart"), (84e3, "motor")]
 
 
 def screened(kind, site, cost):
