@@ -37,7 +37,7 @@ WEAK = {"gain": 0.9 * NUMBERS["cart_gain"]}
 """A drive that is weaker in the hold-out than in any recording: no law learned from these foresees it."""
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_what_hardly_shows_is_named_if_the_hold_out_proves_it(count):
     """Nothing is noticeable in the recordings, and nothing but the hold-out says that there is something to find."""
     found = diagnosed(slow(3, DRAGGED), fast(count, DRAGGED))
@@ -50,6 +50,7 @@ def test_what_hardly_shows_is_named_if_the_hold_out_proves_it(count):
     assert found.holdout_after.free_run["x"] < 0.1 * found.holdout_before.free_run["x"]
 
 
+@pytest.mark.slow
 def test_what_no_name_foresees_is_said():
     found = diagnosed(slow(3), fast(1, **WEAK))
     assert found.verdict == "unknown" and not found.effects and not found.adequacy.alarm
@@ -75,6 +76,7 @@ def test_one_that_alone_shows_it_is_not_learned_from():
     assert not any("learned from, too" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_of_two_one_is_learned_from_and_the_other_proves_it():
     """So slow that no name can be learned."""
     found = diagnosed(slow(3, DRAGGED, volts=0.4), fast(2, DRAGGED))
