@@ -3,8 +3,8 @@
 *Large*: some channel is met worse than 1.5 times its noise. *Significant*: residuals hang together over longer times
 than noise does, judged against the same residuals with the signs of short blocks drawn at random. *Learnable*: what
 is chosen on some recordings predicts the residual of the others (`screen`), or the force that is missing (`repeats`);
-what is large but does not repeat is the rig's own scatter. What is not large raises one only if a name explains most of
-it, on recordings that had no part in its fit and on the hold-out.
+what is large but does not repeat is the rig's own scatter. What is not large raises an alarm only if a name explains
+most of it, on recordings that had no part in its fit and on the hold-out.
 """
 
 from collections.abc import Mapping

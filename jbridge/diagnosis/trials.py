@@ -207,15 +207,19 @@ def significance_of(
 
 def held(state: State, trial: Trial) -> float:
     """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
-    # Noise that was put too high would leave nothing to explain.
-    floor = min(float(measurements(trial.batch)), trial.cost)
+    floor = _floor(trial)
     return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
 
 
 def explained(state: State, trial: Trial) -> float:
     """Share of the excess over noise that a trial removes from the recordings that it is fitted to."""
-    floor = min(float(measurements(trial.batch)), trial.cost)
+    floor = _floor(trial)
     return 1.0 - (trial.cost - floor) / max(state.cost - floor, 1e-9)
+
+
+def _floor(trial: Trial) -> float:
+    """Cost of noise alone. Noise that was put too high would leave nothing to explain."""
+    return min(float(measurements(trial.batch)), trial.cost)
 
 
 def least_gain(state: State) -> float:
