@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jbridge import diagnose
+from jbridge.diagnosis.attempt import as_good
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.diagnose import _as_good
 from jbridge.diagnosis.holdout import split_off
 from jbridge.diagnosis.rounds import Explained
 from jbridge.diagnosis.screen import Screen, Screened
@@ -179,6 +179,6 @@ def test_a_better_start_is_no_missing_physics():
         (good, Explained(dataclasses.replace(state, cost=0.5 * state.cost), [step], 0.5, 0.0, None, []), False),
         (good, Explained(state, [step], 0.5, 0.5, None, []), False),
     ):
-        found = _as_good(base, told)
+        found = as_good(base, told)
         assert (found is not None) == better
         assert found is None or found.chi < 1.01 * good.chi

@@ -1,0 +1,218 @@
+"""The search from beginning to end: whether there is something to explain, what explains it, and whether it repeats."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, measurements
+from ..identify.finer import LastFit, fit_finely
+from ..identify.lanes import Batch
+from ..identify.linearise import Engine
+from ..identify.setting import Setting, lanes_for, resolve
+from ..model.files import Model
+from ..recordings import Recording
+from .adequacy import (
+    FORESEEN,
+    LARGE,
+    LEARNABLE,
+    NOTICEABLE,
+    SIGNIFICANT,
+    STILL_LEARNABLE,
+    channels,
+    closes_little,
+    is_large,
+    significance,
+)
+from .freeze import Frozen, freeze, last_fit
+from .repeats import repeating_share
+from .result import Channel
+from .revise import SUPERFLUOUS
+from .rounds import DRIFTING, Explained, accept_effects
+from .search import BOOTSTRAP, Search, state_of
+from .surprise import surprise
+from .trials import State, transfer
+
+
+@dataclasses.dataclass(frozen=True)
+class Attempt:
+    """What a search came to."""
+
+    base: BaseFit
+    """The model as given, refitted."""
+    search: Search
+    explained: Explained
+    channels: dict[str, Channel]
+    """Errors of the model as given,"""
+    p_value: float
+    """how likely so much structure is in noise,"""
+    large: bool
+    """and whether any is large."""
+    given: Frozen | None
+    """The model as given, fitted finely, where its errors are not large,"""
+    completed: Frozen | None
+    """and the one that was completed nevertheless."""
+    window: float | None
+    """Length of the windows on which models were compared at first [s]; None for whole recordings."""
+    learnable: float
+    """How much of the missing forces other recordings foresee,"""
+    learnable_after: float
+    """and how much of what the names leave over."""
+    left_repeats: bool
+    """Whether that is enough to be a law."""
+    alarm: bool
+    """Whether physics is missing."""
+
+
+def attempt(
+    model: Model,
+    recordings: Sequence[Recording],
+    setting: Setting,
+    *,
+    insist: frozenset[tuple[str, str]],
+    leave_out: frozenset[str],
+    progress: Callable[[str], None] | None,
+) -> Attempt:
+    """Fits the model as given and explains what it leaves over.
+
+    Args:
+        model, recordings: see `diagnose`.
+        setting: made of them.
+        insist: what an earlier diagnosis could not rule out.
+        leave_out, progress: see `diagnose`.
+
+    Raises:
+        InputError: model and recordings do not go together.
+    """
+    tell = progress or (lambda text: None)
+    plant = resolve(model.plant, setting.length)
+    base = base_fit(plant, model.known, setting, progress=progress)
+    check_runs(base, recordings)
+    tell("simulating the model as given, refitted")
+    draws = BOOTSTRAP not in leave_out
+    for better_start in (False, True):
+        window = None if base.chi < DRIFTING else WINDOW
+        search = Search(plant, model.known, setting, window, progress, insist, leave_out)
+        found, p_value, large = _asked(base, setting, draws)
+        given = None if large else freeze(fit_finely(LastFit.of(base)), setting, base)
+        tried = p_value <= SIGNIFICANT if given is None else _worth_a_name(given, setting, p_value)
+        explained = accept_effects(search, base, tried)
+        better = as_good(base, explained)
+        if better is None or better_start:
+            break
+        base = better
+    completed = None
+    if given is not None and explained.steps:
+        tell("fitting once more, with finer steps")
+        completed = freeze(fit_finely(last_fit(explained.state)), setting, base)
+        if not closes_little(given.holdout, completed.holdout):
+            explained, completed = _refuted(explained, search, base), None
+    state, steps = explained.state, explained.steps
+    learnable, learnable_after = explained.learnable, explained.learnable_after
+    if not large and not steps:
+        learnable = learnable_after = nan
+    badly = [axis for axis, channel in found.items() if not channel.ratio <= LARGE]
+    repeating = learnable >= LEARNABLE
+    if large and p_value <= SIGNIFICANT and not repeating:
+        tell("asking whether the missing force repeats")
+        foreseen = _foreseen(base, setting, badly)
+        learnable, repeating = max(np.nan_to_num(learnable), foreseen), foreseen >= FORESEEN
+    left_repeats = bool(learnable_after >= STILL_LEARNABLE)
+    if not steps:
+        learnable_after, left_repeats = learnable, repeating
+    elif state.worst > LARGE and not left_repeats:
+        foreseen = _still_foreseen(state, setting)
+        learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
+    # What is not large is named only if the hold-out proves it, and then that is alarm enough.
+    alarm = bool(repeating and p_value <= SIGNIFICANT) if large else bool(steps)
+    return Attempt(
+        base,
+        search,
+        explained,
+        found,
+        p_value,
+        large,
+        given,
+        completed,
+        window,
+        learnable,
+        learnable_after,
+        left_repeats,
+        alarm,
+    )
+
+
+def _worth_a_name(given: Frozen, setting: Setting, p_value: float) -> bool:
+    """Whether names are tried for a model that leaves no large errors.
+
+    What all recordings but one can teach is asked of recordings in the plural.
+    """
+    if len(setting.recordings) < 2:
+        return False
+    left = channels(given.fit.batch, given.fit.gram.predicted[0], setting.noise)
+    noticeable = is_large(left, NOTICEABLE) and p_value <= SIGNIFICANT
+    return noticeable or surprise(given.fit, given.holdout, NOTICEABLE) is not None
+
+
+def _refuted(explained: Explained, search: Search, base: BaseFit) -> Explained:
+    """Nothing accepted: what explained a small error does not on the hold-out."""
+    state = state_of(base.engine, base.free_run, base.fits, search.known)
+    refused = [
+        (trial, "does not hold on the hold-out" if trial is step.chosen else step.refused.get(trial.candidate.name, ""))
+        for step in explained.steps
+        for trial in step.trials
+    ]
+    refused = [(trial, why or "explains less") for trial, why in refused]
+    return Explained(state, [], nan, nan, explained.screened, [*refused, *explained.refused])
+
+
+def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:
+    """Errors of every channel, how likely so much structure is, and whether they are large."""
+    predicted = base.fits.gram.predicted[0]
+    found = channels(base.free_run, predicted, setting.noise)
+    return found, significance(base.free_run, predicted, draws=draws), is_large(found)
+
+
+def as_good(base: BaseFit, explained: Explained) -> BaseFit | None:
+    """The model as given, if from the numbers found beside all effects it fits as well without any of them.
+
+    Then nothing was missing but a better start.
+    """
+    state = explained.state
+    if not explained.steps or measurements(state.batch) != measurements(base.fitted):
+        return None
+    better = begun_anew(base, transfer(state.engine.table, state.vector, base.engine.table, base.vector))
+    most = min((1 + SUPERFLUOUS) * state.cost, (1 - SUPERFLUOUS) * float(base.fits.cost[0]))
+    return better if float(better.fits.cost[0]) < most else None
+
+
+def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
+    """Largest share of the missing force of some axes that other recordings foresee, for the model as given.
+
+    On windows a missing force has pulled the parameters less far away than on whole recordings.
+    """
+    shares: dict[str, float] = {}
+    for vector in (base.window_vector, base.vector):
+        told = _repeating(base.engine, vector, base.fits.initial[0], base.free_run, setting)
+        shares = told | shares
+        if all(axis in shares for axis in axes):
+            break
+    return max((shares.get(axis, 0.0) for axis in axes), default=0.0)
+
+
+def _still_foreseen(state: State, setting: Setting) -> float:
+    """The same with what was named in the model, of what that leaves badly met."""
+    whole = lanes_for(state.engine.table, state.plant, setting, setting.recordings)
+    same = whole.count == state.batch.count and np.array_equal(whole.recording, state.batch.recording)
+    initial = state.initial if same else whole.initial
+    shares = _repeating(state.engine, state.vector, initial, whole, setting)
+    return max((shares.get(axis, 0.0) for axis, ratio in state.ratios.items() if not ratio <= LARGE), default=0.0)
+
+
+def _repeating(
+    engine: Engine, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch, setting: Setting
+) -> dict[str, float]:
+    predicted = np.asarray(engine.motions(vector, initial, batch)[1])
+    return repeating_share(engine.table.unravel(vector), batch, predicted, setting.noise)
