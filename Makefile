@@ -6,6 +6,8 @@
 PYTHON ?= $(shell for p in python3.11 python3; do $$p -c '' 2>/dev/null && echo $$p && break; done)
 BIN := .venv/bin
 INSTALLED := .venv/installed
+# A file's tests share what they compiled, so files are dealt out whole. More processes would take 4 GB each.
+ABREAST := --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -19,10 +21,10 @@ test: $(INSTALLED) ## Check style and types, then run the tests that are not slo
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy jbridge
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest -m "not slow" $(ABREAST)
 
 test-slow: $(INSTALLED) ## Run the slow tests
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow $(ABREAST)
 
 format: $(INSTALLED) ## Format the code and sort its imports
 	$(BIN)/ruff check --select I --fix

@@ -4,6 +4,8 @@ import os
 from pathlib import Path
 
 os.environ["MPLBACKEND"] = "Agg"  # for the commands that tests start, too
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("NPROC", "1")  # threads of JAX: processes side by side would contend for the processors
 
 import jax
 import pytest

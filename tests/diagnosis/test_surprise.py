@@ -37,7 +37,8 @@ WEAK = {"gain": 0.9 * NUMBERS["cart_gain"]}
 """A drive that is weaker in the hold-out than in any recording: no law learned from these foresees it."""
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
 def test_what_hardly_shows_is_named_if_the_hold_out_proves_it(count):
     """Nothing is noticeable in the recordings, and nothing but the hold-out says that there is something to find."""
     found = diagnosed(slow(3, DRAGGED), fast(count, DRAGGED))

@@ -257,7 +257,7 @@ def known_sets_case(seed):
     return Mamdani(system.inputs, (output,), rules, Minimum(), Maximum(), implication, aggregation), values
 
 
-@pytest.mark.parametrize("softness", [None, 0.1])
+@pytest.mark.parametrize("softness", [None, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_sets_known_while_compiling_change_nothing_but_time(softness):
     """Gathered points against the plain grid, which is used for sets that are arguments: to rounding, gradients too."""
     compared = 0
