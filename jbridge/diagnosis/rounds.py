@@ -25,7 +25,9 @@ MOST_WITH_MECHANISMS = 2
 DRIFTING = 25.0
 """Free-run error over noise above which whole recordings measure luck, and windows are compared instead."""
 NEAR = 1.15
-"""Error over noise below which a further effect is not looked for."""
+"""Error over noise of the whole below which a further effect is not looked for,"""
+QUIET = 1.25
+"""and of the channel that is met worst: a law that is missing on one axis may be lost in the mean of all."""
 CLOSE = 1.05
 """Error over noise below which even effects with a hidden state have nothing left to explain."""
 NONLINEAR = 3.0
@@ -117,7 +119,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
             state, steps = _alone(search, first, state, steps)
-        if state.chi < NEAR and state.worst < LARGE:
+        if state.chi < NEAR and state.worst < QUIET:
             break
     else:
         after = learnable

@@ -98,5 +98,5 @@ class Backlash(AbstractMechanism):
                 finite=True,
             )
             for encoder in ("cart", "motor")
-            for gap in (7e-4, 3e-3)
+            for gap in (2e-4, 7e-4, 3e-3)
         ]
