@@ -6,9 +6,11 @@ from math import nan
 
 from .._programs import forget
 from ..identify.base import BaseFit, measurements
+from ..identify.finer import fit_finely
 from ..identify.setting import lanes_for
-from .adequacy import LARGE, LEARNABLE
+from .adequacy import LARGE, LEARNABLE, channels, is_large
 from .candidates import Candidate, has_hidden_state
+from .freeze import last_fit
 from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
@@ -27,7 +29,7 @@ DRIFTING = 25.0
 NEAR = 1.15
 """Error over noise of the whole below which a further effect is not looked for,"""
 QUIET = 1.25
-"""and of the channel that is met worst: a law that is missing on one axis may be lost in the mean of all."""
+"""and of the channel that is met worst, with finer steps: a law that is missing on one axis may be lost in the mean."""
 CLOSE = 1.05
 """Error over noise below which even effects with a hidden state have nothing left to explain."""
 NONLINEAR = 3.0
@@ -119,7 +121,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
             state, steps = _alone(search, first, state, steps)
-        if state.chi < NEAR and state.worst < QUIET:
+        if state.chi < NEAR and _quiet(search, state):
             break
     else:
         after = learnable
@@ -138,6 +140,16 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     return Explained(state, steps, learnable, after, screened, left)
+
+
+def _quiet(search: Search, state: State) -> bool:
+    """Whether no channel is met badly, apart from what the engine's own steps do to it."""
+    if state.worst < QUIET:
+        return True
+    if state.worst >= LARGE:
+        return False
+    fine = fit_finely(last_fit(state))
+    return not is_large(channels(fine.batch, fine.gram.predicted[0], search.setting.noise), QUIET)
 
 
 def _judged(
