@@ -7,6 +7,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
+from .._programs import forget
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, measurements
 from ..identify.finer import LastFit, fit_finely
 from ..identify.lanes import Batch
@@ -51,9 +52,9 @@ class Attempt:
     large: bool
     """and whether any is large."""
     given: Frozen | None
-    """The model as given, fitted finely, where its errors are not large,"""
+    """The model as given, fitted finely, where its errors are not large."""
     completed: Frozen | None
-    """and the one that was completed nevertheless."""
+    """The model that was completed, where it leaves little."""
     window: float | None
     """Length of the windows on which models were compared at first [s]; None for whole recordings."""
     learnable: float
@@ -104,11 +105,15 @@ def attempt(
             break
         base = better
     completed = None
-    if given is not None and explained.steps:
+    if explained.steps and (given is not None or (search.window is None and explained.state.worst <= LARGE)):
+        if given is None:
+            forget()  # what was tried is needed no more
         tell("fitting once more, with finer steps")
         completed = freeze(fit_finely(last_fit(explained.state)), setting, base)
-        if not closes_little(given.holdout, completed.holdout):
+        if given is not None and not closes_little(given.holdout, completed.holdout):
             explained, completed = _refuted(explained, search, base), None
+        elif surprise(completed.fit, completed.holdout) is not None:
+            explained, completed = _gone_on(search, base, explained, completed, setting)
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
     if not large and not steps:
@@ -154,6 +159,20 @@ def _worth_a_name(given: Frozen, setting: Setting, p_value: float) -> bool:
     left = channels(given.fit.batch, given.fit.gram.predicted[0], setting.noise)
     noticeable = is_large(left, NOTICEABLE) and p_value <= SIGNIFICANT
     return noticeable or surprise(given.fit, given.holdout, NOTICEABLE) is not None
+
+
+def _gone_on(
+    search: Search, base: BaseFit, explained: Explained, completed: Frozen, setting: Setting
+) -> tuple[Explained, Frozen]:
+    """What is found beside all that was accepted, if the hold-out that asks for more bears it out."""
+    search.progress("the hold-out shows more: going on")
+    more = accept_effects(search, base, True, explained)
+    if len(more.steps) <= len(explained.steps) or search.window is not None:
+        return explained, completed
+    whole = freeze(fit_finely(last_fit(more.state)), setting, base)
+    if closes_little(completed.holdout, whole.holdout):
+        return more, whole
+    return explained, completed
 
 
 def _refuted(explained: Explained, search: Search, base: BaseFit) -> Explained:

@@ -64,18 +64,19 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     curve = None
     if made.alarm and state.worst > LARGE and made.left_repeats:
         curve = force_without_a_name(made.search, state)
-    if steps:
+    if steps and made.completed is None:
         forget()  # what was tried is needed no more
     if made.given is not None:
         first, last = made.given, made.completed or made.given
     else:
         changed = bool(steps) or curve is not None
-        final = last_fit(state) if changed else LastFit.of(made.base)
-        if curve is None:
-            tell("fitting once more, with finer steps")
-            final = fit_finely(final)
-        tell("opening the hold-out")
-        last = freeze(final if curve is None else last_fit(curve), setting, made.base)
+        tell("fitting once more, with finer steps, and opening the hold-out")
+        if curve is not None:
+            last = freeze(last_fit(curve), setting, made.base)
+        elif made.completed is not None:
+            last = made.completed
+        else:
+            last = freeze(fit_finely(last_fit(state) if steps else LastFit.of(made.base)), setting, made.base)
         # Of two, only the completed one leaves so little that finer steps show.
         first = freeze(LastFit.of(made.base), setting, made.base) if changed else last
     # What has a name keeps the numbers that it had before the curve.

@@ -59,13 +59,14 @@ class Explained:
     """The trials of that round, and why each did not pass."""
 
 
-def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
+def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explained | None = None) -> Explained:
     """Accepts one explanation after the other.
 
     Args:
         search: what can be tried.
         base: the model as given, refitted.
         mismatch: whether there is anything to explain.
+        begin: what was accepted already; then at least one further explanation is looked for.
     """
     known = search.known
     state = state_of(base.engine, base.free_run, base.fits, known)
@@ -78,8 +79,10 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool) -> Explained:
     if not mismatch:
         return Explained(state, steps, nan, nan, None, [])
     learnable, after = 0.0, 0.0
+    if begin is not None:
+        state, steps, learnable = begin.state, list(begin.steps), begin.learnable
     screened, left = None, []
-    for _ in range(MOST_EFFECTS):
+    for _ in range(len(steps), MOST_EFFECTS):
         if len(steps) >= _KEPT:
             # Programs of structures that were tried are needed no more, and their memory maps are limited.
             forget()
