@@ -52,6 +52,16 @@ def test_what_hardly_shows_is_named_if_the_hold_out_proves_it(count):
 
 
 @pytest.mark.slow
+def test_the_search_goes_on_where_the_hold_out_shows_more():
+    """A lag leaves large errors, and once it has a name the drag leaves nothing that shows in slow runs."""
+    lag = ("actuator_lag", "cart_drive", {"time_constant": 0.03})
+    found = diagnosed(slow(3, DRAGGED, lag), fast(1, DRAGGED, lag))
+    assert found.verdict == "missing_physics"
+    assert {(e.kind, e.site) for e in found.effects} == {("actuator_lag", "cart_drive"), ("quadratic_drag", "cart")}
+    assert found.holdout_after.free_run["x"] < 0.02 * found.holdout_before.free_run["x"]
+
+
+@pytest.mark.slow
 def test_what_no_name_foresees_is_said():
     found = diagnosed(slow(3), fast(1, **WEAK))
     assert found.verdict == "unknown" and not found.effects and not found.adequacy.alarm
