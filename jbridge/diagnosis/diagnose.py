@@ -44,9 +44,9 @@ def diagnose(
         model: structure, start values and what is known.
         recordings: measured runs from which everything is chosen.
         holdout: runs from which no number is learned; they say whether names that explain a small error are kept, and
-            whether any (or further ones) are looked for where the recordings hardly show one. If several show what the recordings do
-            not, the worst is learned from after all, in a second diagnosis. Without any, the last quarter of the
-            recordings (of the time, if there is one recording) plays their part. The report says so.
+            whether any, or further ones, are looked for where the recordings hardly show one. If several show what
+            the recordings do not, the worst is learned from after all, in a second diagnosis. Without any, the last
+            quarter of the recordings (of the time, if there is one recording) plays their part. The report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
         leave_out: of "rescreening", "seeds" and "bootstrap", what is done without, to measure what it is worth:
