@@ -8,6 +8,7 @@ from jax import jit
 
 from ._types import AXES, Axes
 from .errors import InputError
+from .identify.lanes import grid
 from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
@@ -57,22 +58,15 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     vector = np.array(table.ravel(plant), dtype=float)
     for name, value in recording.override.items():
         vector[table.positions(name)] = value
-    t = recording.times - recording.times[0]
-    pieces = np.maximum(np.ceil(np.diff(t) / max(recording.period, 1e-4) - 1e-6).astype(int), 1)
-    row_at = np.concatenate([[0], np.cumsum(pieces)])
-    grid = np.interp(np.arange(row_at[-1] + 1), row_at, t)
-    held = np.repeat(np.arange(len(pieces)), pieces)
-    u = np.zeros((len(held), 2))
-    for k, name in enumerate(("u_x", "u_l")):
-        if getattr(recording, name) is not None:
-            u[:, k] = getattr(recording, name)[held]
+    on = grid(recording, max(recording.period, 1e-4))
+    row_at = np.searchsorted(on.times, recording.times - recording.start)
     step = _STEP / (2 if len(plant.mechanisms) else 1)
     substeps = max(1, math.ceil(recording.period / step - 1e-6))
     lane = Lane(
         jnp.zeros(()),
-        jnp.asarray(np.diff(grid)),
-        jnp.asarray(u),
-        jnp.zeros(0),
+        jnp.asarray(np.diff(on.times)),
+        jnp.asarray(np.concatenate([on.u_before, on.u])),
+        jnp.asarray(on.dt_before),
         Axes(*(jnp.asarray(float(parts[axis])) for axis in AXES)),
     )
 

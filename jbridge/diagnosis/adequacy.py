@@ -57,7 +57,7 @@ def is_large(found: Mapping[str, Channel], limit: float = LARGE) -> bool:
 
 
 def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, windows: bool) -> bool:
-    """Whether what was named closes the gap on the hold-out, too, or leaves little there.
+    """Whether what was named closes the gap on the hold-out, too, or leaves little there and makes little worse.
 
     Args:
         before: the hold-out's errors without it.
@@ -66,20 +66,22 @@ def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, w
         windows: whether windows were compared, since whole recordings drift too far.
     """
     first, last = (worst_ratio(errors.window if windows else errors.free_run, noise) for errors in (before, after))
-    return last <= LARGE or _closes(first, last)
+    return last <= min(LARGE, NOTICEABLE * max(first, 1.0)) or _closes(first, last)
 
 
 def closes_little(before: Run, after: Run) -> bool:
     """Whether what was named for a small error shows on the hold-out, too, and closes the gap there.
 
-    Of each recording and channel by itself, since one of many may be all that shows it.
+    Of all recordings and channels that are noticeably worse than noise, since one of many may be all that shows it.
 
     Args:
         before: the hold-out's free runs without it.
         after: with it.
     """
-    first, last = (float(np.max(ratios(run), initial=0.0)) for run in (before, after))
-    return first > NOTICEABLE and _closes(first, last)
+    first, last = ratios(before), ratios(after)
+    shown = np.maximum(first, last) > NOTICEABLE
+    gap, left = (float(np.sum(np.maximum(found[shown] - 1.0, 0.0))) for found in (first, last))
+    return bool((first > NOTICEABLE).any() and np.isfinite(left) and left <= (1.0 - PROVEN) * gap)
 
 
 def ratios(run: Run) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ from ..identify.lanes import Batch
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, lanes_for, resolve
 from ..model.files import Model
-from ..recordings import Recording
 from .adequacy import (
     FORESEEN,
     LARGE,
@@ -31,10 +30,11 @@ from .freeze import Frozen, freeze, last_fit
 from .repeats import repeating_share
 from .result import Channel
 from .revise import SUPERFLUOUS
-from .rounds import DRIFTING, Explained, accept_effects
+from .rounds import DRIFTING, QUIET, Explained, accept_effects
 from .search import BOOTSTRAP, Search, state_of
 from .surprise import surprise
-from .trials import State, transfer
+from .tell import Step
+from .trials import State, Trial, transfer
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,10 +49,8 @@ class Attempt:
     """Errors of the model as given,"""
     p_value: float
     """how likely so much structure is in noise,"""
-    large: bool
-    """and whether any is large."""
     given: Frozen | None
-    """The model as given, fitted finely, where its errors are not large."""
+    """The model as given, fitted finely, where none of its errors is large."""
     completed: Frozen | None
     """The model that was completed, where it leaves little."""
     window: float | None
@@ -66,10 +64,14 @@ class Attempt:
     alarm: bool
     """Whether physics is missing."""
 
+    @property
+    def large(self) -> bool:
+        """Whether an error of the model as given is large."""
+        return self.given is None
+
 
 def attempt(
     model: Model,
-    recordings: Sequence[Recording],
     setting: Setting,
     *,
     insist: frozenset[tuple[str, str]],
@@ -78,9 +80,11 @@ def attempt(
 ) -> Attempt:
     """Fits the model as given and explains what it leaves over.
 
+    The hold-out is opened where small errors, or none, are left: it says whether names are looked for, and kept.
+
     Args:
-        model, recordings: see `diagnose`.
-        setting: made of them.
+        model: see `diagnose`.
+        setting: made of the recordings.
         insist: what an earlier diagnosis could not rule out.
         leave_out, progress: see `diagnose`.
 
@@ -90,7 +94,7 @@ def attempt(
     tell = progress or (lambda text: None)
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, progress=progress)
-    check_runs(base, recordings)
+    check_runs(base, setting.recordings)
     tell("simulating the model as given, refitted")
     draws = BOOTSTRAP not in leave_out
     for better_start in (False, True):
@@ -100,17 +104,17 @@ def attempt(
         given = None if large else freeze(fit_finely(LastFit.of(base)), setting, base)
         tried = p_value <= SIGNIFICANT if given is None else _worth_a_name(given, setting, p_value)
         explained = accept_effects(search, base, tried)
-        better = as_good(base, explained)
-        if better is None or better_start:
+        better = None if better_start else as_good(base, explained)
+        if better is None:
             break
         base = better
     completed = None
+    if explained.steps and large:
+        forget()  # what was tried is needed no more
     if explained.steps and (given is not None or (search.window is None and explained.state.worst <= LARGE)):
-        if given is None:
-            forget()  # what was tried is needed no more
         tell("fitting once more, with finer steps")
         completed = freeze(fit_finely(last_fit(explained.state)), setting, base)
-        if given is not None and not closes_little(given.holdout, completed.holdout):
+        if given is not None and not _closes(given, completed, setting, base):
             explained, completed = _refuted(explained, search, base), None
         elif surprise(completed.fit, completed.holdout) is not None:
             explained, completed = _gone_on(search, base, explained, completed, setting)
@@ -138,7 +142,6 @@ def attempt(
         explained,
         found,
         p_value,
-        large,
         given,
         completed,
         window,
@@ -157,7 +160,9 @@ def _worth_a_name(given: Frozen, setting: Setting, p_value: float) -> bool:
     if len(setting.recordings) < 2:
         return False
     left = channels(given.fit.batch, given.fit.gram.predicted[0], setting.noise)
-    noticeable = is_large(left, NOTICEABLE) and p_value <= SIGNIFICANT
+    # Where finer steps are another motion, the engine's own error is among what is left.
+    limit = NOTICEABLE if given.fit.finer else QUIET
+    noticeable = is_large(left, limit) and p_value <= SIGNIFICANT
     return noticeable or surprise(given.fit, given.holdout, NOTICEABLE) is not None
 
 
@@ -166,25 +171,43 @@ def _gone_on(
 ) -> tuple[Explained, Frozen]:
     """What is found beside all that was accepted, if the hold-out that asks for more bears it out."""
     search.progress("the hold-out shows more: going on")
+    search.urged = True
     more = accept_effects(search, base, True, explained)
-    if len(more.steps) <= len(explained.steps) or search.window is not None:
-        return explained, completed
+    if {step.chosen.candidate.name for step in more.steps} == {step.chosen.candidate.name for step in explained.steps}:
+        return dataclasses.replace(explained, screened=more.screened, refused=more.refused), completed
     whole = freeze(fit_finely(last_fit(more.state)), setting, base)
-    if closes_little(completed.holdout, whole.holdout):
+    if _closes(completed, whole, setting, base):
         return more, whole
-    return explained, completed
+    new = [step for step in more.steps if step not in explained.steps]
+    return dataclasses.replace(explained, screened=more.screened, refused=[*_unproven(new), *more.refused]), completed
+
+
+def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> bool:
+    """Whether what distinguishes two models, which leave little, closes the gap on the hold-out."""
+    if before.fit.finer != after.fit.finer:  # with equal steps, lest these be what makes the difference
+        before, after = (freeze(dataclasses.replace(m.fit, finer=False), setting, base) for m in (before, after))
+    return closes_little(before.holdout, after.holdout)
 
 
 def _refuted(explained: Explained, search: Search, base: BaseFit) -> Explained:
     """Nothing accepted: what explained a small error does not on the hold-out."""
     state = state_of(base.engine, base.free_run, base.fits, search.known)
-    refused = [
-        (trial, "does not hold on the hold-out" if trial is step.chosen else step.refused.get(trial.candidate.name, ""))
-        for step in explained.steps
+    refused = [*_unproven(explained.steps), *explained.refused]
+    return Explained(state, [], nan, nan, explained.screened, refused)
+
+
+def _unproven(steps: Sequence[Step]) -> list[tuple[Trial, str]]:
+    """The trials of rounds whose choice the hold-out does not bear out, and why each is not taken."""
+    return [
+        (
+            trial,
+            "does not hold on the hold-out"
+            if trial is step.chosen
+            else step.refused.get(trial.candidate.name, "") or "explains less",
+        )
+        for step in steps
         for trial in step.trials
     ]
-    refused = [(trial, why or "explains less") for trial, why in refused]
-    return Explained(state, [], nan, nan, explained.screened, [*refused, *explained.refused])
 
 
 def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:

@@ -9,7 +9,6 @@ from ..identify.evaluate import traces
 from ..identify.setting import Setting, make_setting
 from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
-from ..model.parameters import ParameterTable
 from ..recordings import Recording
 from .adequacy import FORESEEN, LARGE, LEARNABLE, NOTICEABLE, PROVEN, SIGNIFICANT, STILL_LEARNABLE, channels
 from .attempt import Attempt, attempt
@@ -46,7 +45,8 @@ def diagnose(
         holdout: runs from which no number is learned; they say whether names that explain a small error are kept, and
             whether any, or further ones, are looked for where the recordings hardly show one. If several show what
             the recordings do not, the worst is learned from after all, in a second diagnosis. Without any, the last
-            quarter of the recordings (of the time, if there is one recording) plays their part. The report says so.
+            quarter of the recordings (of the time, if there is one recording) plays their part, and none of it is
+            learned from. The report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
         leave_out: of "rescreening", "seeds" and "bootstrap", what is done without, to measure what it is worth:
@@ -113,7 +113,6 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     setting = make_setting(model, plan.recordings, holdout)
     made = attempt(
         model,
-        plan.recordings,
         setting,
         insist=former.names if former else frozenset(),
         leave_out=plan.leave_out,
@@ -135,7 +134,7 @@ def _told(
     search, explained, steps, alarm = made.search, made.explained, made.explained.steps, made.alarm
     shown = traces((first.plant, first.train), (last.plant, last.train), setting.recordings, "train")
     shown += traces((first.plant, first.holdout), (last.plant, last.holdout), setting.holdout, "holdout")
-    effects = named_of(steps, state, setting, ParameterTable(last.plant, setting.units), values) if alarm else ()
+    effects = named_of(steps, setting, values) if alarm else ()
     rivals = contenders(search, state, steps, effects)
     if judged.verdict == "unknown" and not rivals:
         rivals = nearest(state, explained.refused)

@@ -1,6 +1,5 @@
 """A hold-out taken from the recordings themselves where none was given, and what a hold-out cannot judge."""
 
-import dataclasses
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
@@ -69,24 +68,8 @@ def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], t
             "record longer, or give another recording with --holdout"
         )
     return (
-        (_rows(only, slice(None, cut)),),
-        (_rows(only, slice(cut, None)),),
+        (only.rows(slice(None, cut)),),
+        (only.rows(slice(cut, None)),),
         f"There is one recording: its last quarter, from {only.times[cut] - only.times[0]:.3g} s, took no part in the "
         "choice and serves as hold-out.",
-    )
-
-
-def _rows(recording: Recording, rows: slice) -> Recording:
-    arrays = {
-        name: getattr(recording, name)[rows]
-        for name in ("u_x", "u_l", "x", "psi", "l")
-        if getattr(recording, name) is not None
-    }
-    return dataclasses.replace(
-        recording,
-        times=recording.times[rows],
-        begun=recording.begun + float(recording.times[rows][0] - recording.times[0]),
-        fresh={name: flag[rows] for name, flag in recording.fresh.items()},
-        extras={name: values[rows] for name, values in recording.extras.items()},
-        **arrays,
     )

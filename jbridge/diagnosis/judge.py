@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from math import nan
 
-from .._programs import forget
 from ..identify.base import WINDOW
 from ..identify.finer import LastFit, fit_finely
 from ..identify.result import Errors, Estimate
@@ -59,14 +58,12 @@ class Judgement:
 
 
 def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Settled:
-    """Settles the numbers of both models, and opens the hold-out."""
+    """Settles the numbers of both models, and runs them over the hold-out."""
     state, steps = made.explained.state, made.explained.steps
     curve = None
     if made.alarm and state.worst > LARGE and made.left_repeats:
         curve = force_without_a_name(made.search, state)
-    if steps and made.completed is None:
-        forget()  # what was tried is needed no more
-    if made.given is not None:
+    if made.given is not None and curve is None:
         first, last = made.given, made.completed or made.given
     else:
         changed = bool(steps) or curve is not None

@@ -10,15 +10,11 @@ enters with its response at a finite seed, and `c` is how much of that response 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 from numpy.typing import NDArray
 
 from ..identify.base import columns_for, measurements
-from ..identify.evaluate import START
-from ..identify.lanes import Batch
+from ..identify.evaluate import early
 from ..identify.linearise import Gram
 from ..identify.setting import lanes_for
 from ..identify.solve import solve
@@ -141,17 +137,10 @@ def _hold_out(search: Search, state: State, width: int) -> Cut:
     """The hold-out with the model's starts on it; in the shape of the training lanes, so that programs serve both."""
     held = search.setting.holdout
     batch = lanes_for(state.engine.table, state.plant, search.setting, held, search.window, state.batch)
-    early = dataclasses.replace(batch, lanes=eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, _early(batch)))
     none = [np.zeros(0, np.int64)]
-    started = solve(state.engine, early, state.vector[None], none, columns=width, iterations=4)
+    begin = dataclasses.replace(batch, lanes=early(batch))
+    started = solve(state.engine, begin, state.vector[None], none, columns=width, iterations=4)
     return Cut(held, batch, started.initial[0], started.gram.predicted[0])
-
-
-def _early(batch: Batch) -> Array:
-    """The lanes' weights, those after the start left out."""
-    dt = np.asarray(batch.lanes.lane.dt)
-    times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(dt, axis=1)], axis=1)
-    return jnp.where((times <= START)[:, :, None], batch.lanes.weight, 0.0)
 
 
 def _change(
@@ -169,11 +158,11 @@ def _change(
     assert gram.tangents is not None
     own = gram.tangents[0]
     left = response - np.einsum("lbs,bn->lns", own[:, : len(taken)], taken)
-    early = (np.asarray(_early(cut.batch)) > 0).reshape(cut.batch.count, 1, -1)
+    first = (np.asarray(early(cut.batch).weight) > 0).reshape(cut.batch.count, 1, -1)
     starts = own[:, width:]
     starts = np.where(np.isfinite(cut.batch.prior)[:, :, None], starts, 0.0)
-    inner = np.einsum("las,lbs->lab", starts * early, starts) + np.eye(starts.shape[1]) * 1e-9
-    shift = np.linalg.solve(inner, np.einsum("las,lns->lan", starts * early, left))
+    inner = np.einsum("las,lbs->lab", starts * first, starts) + np.eye(starts.shape[1]) * 1e-9
+    shift = np.linalg.solve(inner, np.einsum("las,lns->lan", starts * first, left))
     left = left - np.einsum("las,lan->lns", starts, shift)
     counts = np.maximum((np.asarray(cut.batch.lanes.weight) > 0).sum(axis=(0, 1)), 1)
     by_channel = left.reshape(*left.shape[:2], -1, 3)

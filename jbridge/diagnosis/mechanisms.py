@@ -43,6 +43,8 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     for c in search.candidates(state):
         if c.unscreened and only in (None, c.name):
             found.setdefault(c.name, []).append(c)
+    if not found:
+        return []
     search.progress(f"refitting {len(found)} explanations with a hidden state")
 
     few = _few(search.setting.recordings)

@@ -217,7 +217,8 @@ class Diagnosis:
     """Recordings that no number was learned from."""
     traces: tuple[Trace, ...]
     trials: tuple[Mapping[str, object], ...]
-    """Every explanation that was refitted: kind, site, cost over noise, accepted or why not."""
+    """Explanations that were refitted in the rounds that led to the names and in the last one: kind, site, error over
+    noise, accepted or why not."""
     not_seen: tuple[NotSeen, ...]
     """What else of the catalogue may hide in these recordings, the notable first."""
     next_experiment: NextExperiment | None

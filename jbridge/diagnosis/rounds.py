@@ -17,7 +17,7 @@ from .screen import Screen
 from .search import Search, state_of
 from .tell import HOLDS, Step
 from .ties import look_alike, ties
-from .trials import State, Trial, accepts, explained, held
+from .trials import State, Trial, accepts, explained, floor_of, held, several
 
 MOST_EFFECTS = 6
 _KEPT = 2
@@ -66,7 +66,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         search: what can be tried.
         base: the model as given, refitted.
         mismatch: whether there is anything to explain.
-        begin: what was accepted already; then at least one further explanation is looked for.
+        begin: what was accepted already; then a further explanation is looked for first, if there may be one.
     """
     known = search.known
     state = state_of(base.engine, base.free_run, base.fits, known)
@@ -96,7 +96,8 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
             # What no longer raises an alarm needs a further effect only if that explains most of it.
             least = MOST
         little = state.worst < LARGE and not steps and search.window is None
-        reasons, passed = _judged(state, trials, least, little)
+        gain = search.least_gain(state)
+        reasons, passed = _judged(state, trials, least, gain, little)
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))
             trials = [*trials, *search.refit_all(state, tied)]
@@ -104,17 +105,17 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
             if alike is not None and alike not in {*reasons, *(a.name for a in state.accepted)}:
                 trials += mechanisms(search, state, alike)
             trials.sort(key=lambda t: t.score)
-            reasons, passed = _judged(state, trials, least, little)
+            reasons, passed = _judged(state, trials, least, gain, little)
         if not passed:
             left = [(t, reasons[t.candidate.name]) for t in trials]
             break
         chosen = passed[0]
-        share = min(held(state, chosen), 1.0)
-        if not steps:
-            learnable = max(learnable, share)
+        if not steps and several(state.batch):
+            learnable = max(learnable, min(held(state, chosen, floor_of(trials)), 1.0))
         search.progress(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
-        steps.append(Step(len(steps) + 1, chosen, trials, {name: why for name, why in reasons.items() if why}))
+        number = 1 + max((step.number for step in steps), default=0)
+        steps.append(Step(number, chosen, trials, {name: why for name, why in reasons.items() if why}))
         state = simplify(search, state)
         if state.worst > LARGE:
             state = finer(search, state)
@@ -156,13 +157,14 @@ def _quiet(search: Search, state: State) -> bool:
 
 
 def _judged(
-    state: State, trials: Sequence[Trial], least: float, little: bool
+    state: State, trials: Sequence[Trial], least: float, gain: float, little: bool
 ) -> tuple[dict[tuple[str, str], str], list[Trial]]:
     """Why each trial does not pass, and those that do, the best first."""
-    reasons = {t.candidate.name: accepts(state, t, least) for t in trials}
+    floor = floor_of(trials)
+    reasons = {t.candidate.name: accepts(state, t, least, gain, floor) for t in trials}
     if little:
         for t in trials:
-            if explained(state, t) < NEARLY_ALL:
+            if explained(state, t, floor) < NEARLY_ALL:
                 reasons[t.candidate.name] = reasons[t.candidate.name] or "explains a part only"
     return reasons, [t for t in trials if not reasons[t.candidate.name]]
 

@@ -31,6 +31,8 @@ _HOPELESS = 4.0
 """Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
+_URGED_GAIN = 0.005
+"""Least share of the cost that an effect must gain where the hold-out asks for one and decides whether it stays."""
 
 RESCREENING, SEEDS, BOOTSTRAP = "rescreening", "seeds", "bootstrap"
 PARTS = (RESCREENING, SEEDS, BOOTSTRAP)
@@ -90,7 +92,13 @@ class Search:
         self.progress = progress or (lambda text: None)
         self.insist = insist
         self.leave_out = leave_out
+        self.urged = False
+        """Whether the hold-out shows that more is missing than the recordings tell: then small gains count."""
         self._first: Screen | None = None
+
+    def least_gain(self, state: State) -> float:
+        """Least share of the cost that an effect must gain beside a state's model."""
+        return _URGED_GAIN if self.urged else least_gain(state)
 
     def candidates(self, state: State) -> list[Candidate]:
         """What may be missing beside a state's model, and where to start looking."""
@@ -151,9 +159,9 @@ class Search:
         """
         tried = {trial.candidate.name for trial in done}
         untried = [item for item in screened.ranked if item.candidate.name not in tried]
-        if least_gain(state) > _HARD_TO_PASS:
+        if self.least_gain(state) > _HARD_TO_PASS:
             # What is not even expected to gain half of what it must is not worth the time of a refit.
-            untried = [item for item in untried if item.gain > 0.5 * least_gain(state)]
+            untried = [item for item in untried if item.gain > 0.5 * self.least_gain(state)]
         chosen = with_simpler(_shortlist(untried), untried)
         names = {item.candidate.name for item in chosen}
         for name in sorted(self.insist - names):

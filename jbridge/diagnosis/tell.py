@@ -22,7 +22,7 @@ from .locate import equation_of, intervals, regions, times_of
 from .missing import force_along, leading_site, tracks_of
 from .result import Location, MissingForce, NamedEffect, Rival
 from .screen import Screen
-from .trials import EFFECTIVE, State, Trial
+from .trials import EFFECTIVE, Trial
 from .words import effect_sentence
 
 RIVAL = 0.01
@@ -77,9 +77,7 @@ def _weights(step: Step) -> dict[tuple[str, str], float]:
     return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.passed, odds, strict=True)}
 
 
-def named_of(
-    steps: list[Step], state: State, setting: Setting, table: ParameterTable, values: dict[str, Estimate]
-) -> tuple[NamedEffect, ...]:
+def named_of(steps: list[Step], setting: Setting, values: dict[str, Estimate]) -> tuple[NamedEffect, ...]:
     out = []
     for step in steps:
         kind, site = step.chosen.candidate.name

@@ -1,7 +1,7 @@
 """Refitted explanations: what one reaches, how it is weighed, and when it is accepted."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ class Fitted:
     cost: float
     """Sum of squares of the residuals over their noise."""
     cross_validated: float
-    """The same, each recording under the parameters that the others give."""
+    """The same, each recording under the parameters that the others give; of one recording alone, the same."""
     ratios: Mapping[str, float]
     """Error over noise of each channel."""
 
@@ -123,7 +123,10 @@ def cross_validated(
     prior, pull = smooth
     reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
     total = 0.0
-    for r in np.unique(groups[groups >= 0]):
+    among = np.unique(groups[groups >= 0])
+    if len(among) < 2:
+        return float(products[groups >= 0, -1, -1].sum())  # nothing is left to learn from
+    for r in among:
         inside = groups == r
         matrix = reduced.by_lane[~inside].sum(axis=0) + prior
         gradient = reduced.gradient_by_lane[~inside].sum(axis=0) + pull
@@ -161,6 +164,11 @@ def smoothness(
 def folds(batch: Batch) -> NDArray[np.int64]:
     """Recordings to leave out in turn; the lanes themselves where there is only one recording."""
     return batch.recording if batch.recording.max() > 0 else np.where(batch.recording < 0, -1, np.arange(batch.count))
+
+
+def several(batch: Batch) -> bool:
+    """Whether there is more than one part to leave out in turn."""
+    return len(np.unique(folds(batch)[batch.recording >= 0])) > 1
 
 
 def significance_of(
@@ -205,21 +213,19 @@ def significance_of(
     return best
 
 
-def held(state: State, trial: Trial) -> float:
-    """Share of the excess over noise that a trial removes from recordings that took no part in its fit."""
-    floor = _floor(trial)
+def held(state: State, trial: Trial, floor: float) -> float:
+    """Share of the excess over a floor that a trial removes from recordings that took no part in its fit."""
     return 1.0 - max(trial.cross_validated - floor, 0.0) / max(state.cross_validated - floor, 1e-9)
 
 
-def explained(state: State, trial: Trial) -> float:
-    """Share of the excess over noise that a trial removes from the recordings that it is fitted to."""
-    floor = _floor(trial)
+def explained(state: State, trial: Trial, floor: float) -> float:
+    """Share of the excess over a floor that a trial removes from the recordings that it is fitted to."""
     return 1.0 - (trial.cost - floor) / max(state.cost - floor, 1e-9)
 
 
-def _floor(trial: Trial) -> float:
-    """Cost of noise alone. Noise that was put too high would leave nothing to explain."""
-    return min(float(measurements(trial.batch)), trial.cost)
+def floor_of(trials: Sequence[Trial]) -> float:
+    """Cost of noise alone: what is measured, or what the best of a round reaches, if noise was put too high."""
+    return min((min(float(measurements(trial.batch)), trial.cost) for trial in trials), default=0.0)
 
 
 def least_gain(state: State) -> float:
@@ -227,17 +233,19 @@ def least_gain(state: State) -> float:
     return _GAIN if len(state.accepted) < 2 else _LATER_GAIN
 
 
-def accepts(state: State, trial: Trial, least: float) -> str:
+def accepts(state: State, trial: Trial, least: float, gain: float, floor: float) -> str:
     """Empty if the trial passes; otherwise why it does not.
 
     Args:
         state: the model so far.
         trial: what is tried.
         least: least share of the excess that must hold on recordings left out.
+        gain: least share of the cost that it must gain.
+        floor: cost of noise alone.
     """
-    if not trial.cost < state.cost * (1 - least_gain(state)):
+    if not trial.cost < state.cost * (1 - gain):
         return "gains too little"
-    if held(state, trial) < least:
+    if held(state, trial, floor) < least:
         return "does not hold on recordings left out"
     if trial.z < _SIGNIFICANT:
         return "its interval includes its absence"

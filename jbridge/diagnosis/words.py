@@ -213,8 +213,9 @@ def verdict_sentence(
         between = "; " if any("," in name for name in names) else ", "
         listed = names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
+        way = "falls" if proof.after < proof.before else "goes"
         gain = (
-            f"the error on the hold-out falls from {_times(proof.before)} to {_times(proof.after)} times the noise "
+            f"the error on the hold-out {way} from {_times(proof.before)} to {_times(proof.after)} times the noise "
             f"in {proof.measure}."
         )
         if abroad is not None:

@@ -21,7 +21,7 @@ from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
-from .lanes import Grid
+from .lanes import HISTORY, Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""
@@ -84,10 +84,16 @@ def balance(plant: Plant, recording: Recording) -> Balance:
         if axis == "l" and not recording.has_hoist:
             v[axis], a[axis] = np.zeros_like(t), np.zeros_like(t)
     width = 2 * max(2, round(_HALF_WIDTH["x"] / period)) + 1
-    held = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
-    u = {name: getattr(recording, name)[held] for name in ("u_x", "u_l") if getattr(recording, name) is not None}
-    inputs = np.stack([u.get(name, np.zeros_like(t)) for name in ("u_x", "u_l")], axis=1)
-    volts = _behind_drives(plant, t, inputs, period)
+    commands = recording.commands
+    given = commands.times - recording.start
+    # Delays and lags feel what was commanded before.
+    since = np.arange(-np.floor(min(-given[0], HISTORY) / period), 0.0) * period
+    played = np.concatenate([since, t])
+    held = np.clip(np.searchsorted(given, played, side="right") - 1, 0, len(given) - 1)
+    commanded = {name: part[held] for name in ("u_x", "u_l") if (part := getattr(commands, name)) is not None}
+    inputs = np.stack([commanded.get(name, np.zeros_like(played)) for name in ("u_x", "u_l")], axis=1)
+    behind = _behind_drives(plant, played, inputs, period)
+    u, volts = ({name: values[len(since) :] for name, values in part.items()} for part in (commanded, behind))
     force = _residual(plant, t + recording.begun, q, v, a, volts, recording)
     out = {}
     for axis in AXES:

@@ -61,6 +61,10 @@ class Grid:
     """Grid points [s] from the recording's start."""
     u: NDArray[np.float64]
     """Inputs of cart and hoist, held over each interval."""
+    dt_before: NDArray[np.float64]
+    """Intervals [s] between the rows before the recording's start whose inputs are known,"""
+    u_before: NDArray[np.float64]
+    """and those inputs."""
     y: NDArray[np.float64]
     measured: NDArray[np.bool_]
     active: tuple[bool, bool, bool]
@@ -80,10 +84,14 @@ def grid(recording: Recording, step: float) -> Grid:
     row_at = np.concatenate([[0], np.cumsum(pieces)])
     times = np.interp(np.arange(row_at[-1] + 1), row_at, t)
     held = np.repeat(np.arange(len(pieces)), pieces)
-    u = np.zeros((len(held), 2))
-    for k, values in enumerate((recording.u_x, recording.u_l)):
-        if values is not None:
-            u[:, k] = values[held]
+    earlier = recording.earlier
+    dt_before = np.zeros(0) if earlier is None else np.diff([*earlier.times, recording.start])
+    u, u_before = np.zeros((len(held), 2)), np.zeros((len(dt_before), 2))
+    for k, name in enumerate(("u_x", "u_l")):
+        if getattr(recording, name) is not None:
+            u[:, k] = getattr(recording, name)[held]
+            if earlier is not None:
+                u_before[:, k] = getattr(earlier, name)
     y, measured = np.zeros((len(times), 3)), np.zeros((len(times), 3), bool)
     for k, axis in enumerate(AXES):
         values = getattr(recording, axis)
@@ -94,7 +102,7 @@ def grid(recording: Recording, step: float) -> Grid:
     if length is None:
         length = 0.5 if recording.l is None else float(np.mean(recording.l))
     active = (recording.has_cart, recording.has_swing, recording.has_hoist)
-    return Grid(recording, times, u, y, measured, active, length)
+    return Grid(recording, times, u, dt_before, u_before, y, measured, active, length)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,10 +183,10 @@ def make_batch(
         g = grids[r]
         dt[i, : b - a] = np.diff(g.times[a : b + 1])
         u[i, earlier : earlier + b - a] = g.u[a:b]
-        past = min(a, earlier)
-        if past:
-            u[i, earlier - past : earlier] = g.u[a - past : a]
-            before[i, earlier - past :] = np.diff(g.times[a - past : a + 1])
+        known = np.concatenate([g.u_before, g.u[:a]])[-earlier:]
+        if len(known):
+            u[i, earlier - len(known) : earlier] = known
+            before[i, earlier - len(known) :] = np.concatenate([g.dt_before, np.diff(g.times[: a + 1])])[-earlier:]
         y[i, : b - a + 1] = g.y[a : b + 1]
         weight[i, : b - a + 1] = g.measured[a : b + 1] * scale
         if overrides:

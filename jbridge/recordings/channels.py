@@ -26,6 +26,8 @@ class Channels:
     """Samples of the file that lie before the first one here: they were trimmed."""
     values: dict[str, np.ndarray]
     """Channels in SI units by name, `t` among them."""
+    earlier: dict[str, np.ndarray]
+    """Time and inputs of the rows that were trimmed off just before, as far back as they are numbers."""
     extras: dict[str, np.ndarray]
     """Columns that are no channel, as they are."""
     notes: tuple[str, ...]
@@ -66,7 +68,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     if others.keys() - extras.keys():
         skipped = [name for name in others if name not in extras]
         notes.append(f"Vectors that differ from the time in length are left out: {listed(skipped)}.")
-    whole = Channels(table, columns, 0, raw, extras, tuple(notes))
+    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes))
     check_finite(whole.error, "t", times)
     check_times(whole.error, times)
     channels = trim(path, whole, declared)
@@ -145,6 +147,14 @@ def trim(path: Path, channels: Channels, declared: Sidecar) -> Channels:
         channels,
         first=first,
         values={name: values[first:last] for name, values in channels.values.items()},
+        earlier=inputs_before(channels, first),
         extras={name: values[first:last] for name, values in channels.extras.items()},
         notes=notes,
     )
+
+
+def inputs_before(channels: Channels, row: int) -> dict[str, np.ndarray]:
+    """Returns time and inputs of the rows before one, back to the last that is not all numbers."""
+    found = {name: values[:row] for name, values in channels.values.items() if name in ("t", *INPUTS)}
+    bad = np.flatnonzero(~np.all([np.isfinite(values) for values in found.values()], axis=0))
+    return {name: values[bad[-1] + 1 if bad.size else 0 :] for name, values in found.items()}

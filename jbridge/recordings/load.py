@@ -15,7 +15,7 @@ from jbridge.recordings.csv_table import read_csv
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.mat_table import read_mat
 from jbridge.recordings.parts import Parts, find_parts
-from jbridge.recordings.recording import INPUTS, MEASURED, Recording
+from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
 from jbridge.recordings.table import Table
@@ -116,6 +116,7 @@ def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading
         name: read_only(values[name]) if name in values and name not in parts.unused else None
         for name in (*INPUTS, *MEASURED)
     }
+    before = channels.earlier
     recording = Recording(
         name=path.name,
         times=read_only(times),
@@ -127,6 +128,12 @@ def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading
         initial=dict(declared.initial),
         extras={name: read_only(column) for name, column in all_extras(channels, parts).items()},
         notes=(*channels.notes, *parts.notes, *describe(channels, declared, resolution, holds)),
+        earlier=Commands(
+            read_only(before["t"]),
+            *(read_only(before[name]) if arrays[name] is not None else None for name in INPUTS),
+        )
+        if before["t"].size
+        else None,
         **arrays,
     )
     return Reading(recording, holds)

@@ -1,6 +1,6 @@
 """One recording of a rig: what was commanded and what was measured, in SI units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,16 @@ MEASURED = ("x", "psi", "l")
 """Names of the measured channels, those of the axes."""
 INPUTS = ("u_x", "u_l")
 """Names of the inputs: of the cart's drive and of the hoist's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """Inputs over some time, without what was measured; its arrays are all of the length of `times`."""
+
+    times: np.ndarray
+    """[s], strictly increasing."""
+    u_x: np.ndarray | None
+    u_l: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +59,8 @@ class Recording:
     """What was detected or assumed, each one sentence for the rig's owner."""
     begun: float = 0.0
     """Time [s] before the first row at which the run began, for a piece cut out of one: drift and wind go by it."""
+    earlier: Commands | None = None
+    """Inputs of the rows before the first one here, which a delay or a lag still feels; None counts as inputs of 0."""
 
     @property
     def start(self) -> float:
@@ -64,6 +76,37 @@ class Recording:
     def period(self) -> float:
         """Median time from one row to the next [s]."""
         return float(np.median(np.diff(self.times)))
+
+    @property
+    def commands(self) -> Commands:
+        """Its inputs, those before its first row included."""
+        own = Commands(self.times, self.u_x, self.u_l)
+        if self.earlier is None:
+            return own
+        both = (self.earlier, own)
+
+        def joined(name: str) -> np.ndarray | None:
+            values = [getattr(part, name) for part in both]
+            return None if any(v is None for v in values) else np.concatenate(values)
+
+        return Commands(np.concatenate([part.times for part in both]), *map(joined, INPUTS))
+
+    def rows(self, rows: slice) -> "Recording":
+        """A piece of it. Inputs before the piece are kept beside it, so that drives start as they were."""
+        begin = rows.indices(len(self.times))[0]
+        arrays = {name: getattr(self, name)[rows] for name in (*INPUTS, *MEASURED) if getattr(self, name) is not None}
+        commands, count = self.commands, 0 if self.earlier is None else len(self.earlier.times)
+        before = slice(None, count + begin)
+        inputs = (None if values is None else values[before] for values in (commands.u_x, commands.u_l))
+        return replace(
+            self,
+            times=self.times[rows],
+            begun=self.begun + float(self.times[begin] - self.times[0]),
+            earlier=Commands(commands.times[before], *inputs) if count + begin else None,
+            fresh={name: flag[rows] for name, flag in self.fresh.items()},
+            extras={name: values[rows] for name, values in self.extras.items()},
+            **arrays,
+        )
 
     @property
     def has_cart(self) -> bool:

@@ -94,7 +94,7 @@ def _close(*variables: Variable) -> float | None:
         for member in variable.sets:
             values = [float(leaf) for leaf in jax.tree.leaves(member)]
             inner = max([inner, *(abs(value) for value in values if abs(value) < 0.999 * most)])
-    return None if float(variables[0].low) != -most or inner > 0.4 * most else 1.3 * inner
+    return 1.3 * inner if float(variables[0].low) == -most and 0.0 < inner <= 0.4 * most else None
 
 
 def surface(
