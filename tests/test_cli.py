@@ -281,14 +281,36 @@ def test_control_moves_the_load(tmp_path, capsys):
     assert main(["simulate", str(model), "--input", str(out / "run.csv"), "--out", str(tmp_path / "open.csv")]) == 0
 
 
-@pytest.mark.parametrize("rules", ["paper", pytest.param("extended", marks=pytest.mark.slow)])
+SMALL_CONTROLLER = """
+kind = "fuzzy"
+
+[cart]
+points = 11
+rules = ["if error is N then voltage is N", "if error is P then voltage is P"]
+input.error = {range = [-1.0, 1.0], sets = {N = {trimf = [-1.0, -1.0, 1.0]}, P = {trimf = [-1.0, 1.0, 1.0]}}}
+input.velocity = {range = [-1.0, 1.0], sets = {ANY = {trimf = [-9.0, 0.0, 9.0]}}}
+input.angle = {range = [-9.0, 9.0], sets = {ANY = {trimf = [-90.0, 0.0, 90.0]}}}
+output.voltage = {range = [-3.0, 3.0], sets = {N = {trimf = [-3.0, -2.0, 0.0]}, P = {trimf = [0.0, 2.0, 3.0]}}}
+
+[hoist]
+points = 11
+rules = ["if error is N then voltage is N", "if error is P then voltage is P"]
+input.error = {range = [-1.0, 1.0], sets = {N = {trimf = [-1.0, -1.0, 1.0]}, P = {trimf = [-1.0, 1.0, 1.0]}}}
+input.velocity = {range = [-1.0, 1.0], sets = {ANY = {trimf = [-9.0, 0.0, 9.0]}}}
+output.voltage = {range = [-9.0, 9.0], sets = {N = {trimf = [-9.0, -6.0, 0.0]}, P = {trimf = [0.0, 6.0, 9.0]}}}
+"""
+
+
+@pytest.mark.parametrize("rules", ["given", *(pytest.param(r, marks=pytest.mark.slow) for r in ("paper", "extended"))])
 def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     """Two steps on two bridges: what is written is there, can be used, and is told."""
     model, out = tmp_path / "model.toml", tmp_path / "out"
     model.write_text(CONTROL_MODEL)
+    (tmp_path / "given.toml").write_text(SMALL_CONTROLLER)
+    begin = ["--controller", str(tmp_path / "given.toml")] if rules == "given" else ["--rules", rules]
     small = ["--plants", "2", "--steps", "2", "--starts", "1", "--rail", "0", "0.8", "--delay", "10"]
     with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in integers
-        assert main(["tune", str(model), "--rules", rules, *small, "--out", str(out)]) == 0
+        assert main(["tune", str(model), *begin, *small, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "cost" in said and str(out / "tune.html") in said and str(out / "controller.toml") in said
     assert {p.name for p in out.iterdir()} == {"controller.toml", "tune.json", "tune.html", "figures"}
@@ -297,7 +319,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     assert {"response.png", "sets-cart.png", "surface-hoist.png", "ensemble.png"} <= {
         p.name for p in (out / "figures").iterdir()
     }
-    assert (jbridge.load_controller(out / "controller.toml").law.compensation is None) == (rules == "paper")
+    assert (jbridge.load_controller(out / "controller.toml").law.compensation is None) == (rules != "extended")
 
 
 @pytest.mark.parametrize(("words", "complaint"), [

@@ -497,7 +497,7 @@ def test_play_keeps_what_rollout_gives():
     np.testing.assert_allclose(played.times, 0.01 * np.arange(60), atol=1e-12)
 
 
-@pytest.mark.parametrize("method", [RK4, MIDPOINT])
+@pytest.mark.parametrize("method", [pytest.param(RK4, marks=pytest.mark.slow), MIDPOINT])
 def test_stages_as_a_loop_change_neither_motion_nor_gradient(method):
     """With a hidden coordinate, a presliding spring and a lag, which every stage takes along."""
     plant = make_plant(

@@ -1,6 +1,7 @@
 """A force without a name explains what is left, and leaves the numbers that have names alone."""
 
 import numpy as np
+import pytest
 
 from jbridge.diagnosis.curve import force_without_a_name
 from jbridge.diagnosis.search import Search, state_of
@@ -10,6 +11,7 @@ from tests.identify.cases import DRY, cart_model, cart_recordings
 from tests.problems import make_plant
 
 
+@pytest.mark.slow
 def test_a_curve_takes_up_what_is_left_and_nothing_else():
     bump = ("end_stop", "cart", {"position": 0.8, "stiffness": 40.0, "damping": 0.0})
     runs = cart_recordings(make_plant(DRY, bump, cart_damping=50.0, cart_gain=15.0), 3, seconds=6.0)

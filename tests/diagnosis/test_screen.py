@@ -9,6 +9,7 @@ from tests.identify.cases import DRY, cart_model, cart_recordings
 from tests.problems import make_plant
 
 
+@pytest.mark.slow
 def test_a_jump_is_timed_to_a_sample():
     """Seeds lie 0.14 s apart here, and a fit that starts between two samples would not move from there."""
     jump = ("missed_counts", "x_sensor", {"jump": 1.4e-3, "time": 3.274})

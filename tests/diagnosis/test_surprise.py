@@ -70,6 +70,7 @@ def test_what_no_name_foresees_is_said():
     assert found.holdout == ("fast-0.csv",)
 
 
+@pytest.mark.slow
 def test_a_name_for_a_small_error_falls_with_the_hold_out():
     """Drag in all recordings, none in the hold-out: a name that explains the recordings whole proves nothing there."""
     found = diagnosed([run(f"slow-{i}.csv", i, 0.8, DRAGGED) for i in range(3)], fast(1))
@@ -79,6 +80,7 @@ def test_a_name_for_a_small_error_falls_with_the_hold_out():
     assert (row["kind"], row["site"], row["accepted"]) == ("quadratic_drag", "cart", False)
 
 
+@pytest.mark.slow
 def test_one_that_alone_shows_it_is_not_learned_from():
     """It would be taken away from the proof, and the others prove nothing."""
     four = slow(4)

@@ -64,7 +64,7 @@ def width(system):
     return float(system.outputs[0].high - system.outputs[0].low)
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", [0, 1, *(pytest.param(i, marks=pytest.mark.slow) for i in (2, 3))])
 def test_a_thousand_random_systems_agree_with_scikit_fuzzy(block):
     """At 1,001 points, to 1e-3 of the range.
 
@@ -167,7 +167,7 @@ def test_degenerate_systems_have_finite_gradients(defuzzifier):
 def test_smooth_gradients_agree_with_differences():
     """Central differences, away from nothing: the smooth mode has no kinks."""
     step, compared = 1e-5, 0
-    for seed in range(12):
+    for seed in range(7):
         system, _ = random_system(seed, points=101, norms=(Minimum(), Maximum(), Minimum(), Maximum()))
         inside = jnp.stack([v.middle + 0.31 * (v.high - v.low) for v in system.inputs])
         if not bool(system.infer(inside).fired[0]):
@@ -179,7 +179,7 @@ def test_smooth_gradients_agree_with_differences():
             wanted = float(up - down) / (2 * step)
             scale = max(abs(wanted), 1e-3 * width(system))
             assert abs(float(found[i]) - wanted) < 1e-3 * scale, (seed, i)
-    assert compared > 4
+    assert compared > 2
 
 
 def test_sugeno_by_hand():
@@ -257,7 +257,8 @@ def known_sets_case(seed):
     return Mamdani(system.inputs, (output,), rules, Minimum(), Maximum(), implication, aggregation), values
 
 
-@pytest.mark.parametrize("softness", [None, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("softness", [None, 0.1])
 def test_sets_known_while_compiling_change_nothing_but_time(softness):
     """Gathered points against the plain grid, which is used for sets that are arguments: to rounding, gradients too."""
     compared = 0

@@ -76,6 +76,7 @@ def test_the_fitted_model_survives_its_file(found, tmp_path):
     assert again.uncertainty["cart_gain"]["std"] == found.estimates["cart_gain"].std
 
 
+@pytest.mark.slow
 def test_what_cannot_be_determined_is_warned_of():
     """A free mass, gain, damping and friction scale together: only their ratios show in the motion."""
     recordings = cart_recordings(TRUTH, 2, seconds=4.0)
@@ -92,6 +93,7 @@ def test_a_gain_without_an_input_is_refused():
         fit(cart_model(), [still])
 
 
+@pytest.mark.slow
 def test_windows_tell_as_much_where_starts_are_unknown():
     """Half a second at a time, each from a start of its own: the truth all the same, less sharply."""
     truth = cart_model(DRY, DEAD, cart_damping=50.0, cart_gain=15.0)

@@ -1,6 +1,7 @@
 """Many starts, one place."""
 
 import numpy as np
+import pytest
 
 from jbridge.identify.starts import fit_from_many
 from tests.identify.cases import DRY, cart_model, cart_recordings
@@ -9,6 +10,7 @@ from tests.problems import make_plant
 TRUTH = make_plant(DRY, cart_damping=50.0, cart_gain=15.0)
 
 
+@pytest.mark.slow
 def test_many_starts_arrive_at_the_truth():
     model = cart_model(DRY, cart_damping=50.0, cart_gain=15.0)
     recordings = cart_recordings(TRUTH, 2, seconds=6.0)

@@ -207,14 +207,14 @@ def test_blocks_do_not_matter(pid_cost, monkeypatch):
 
 
 def test_tuning_makes_a_law_better_and_the_same_twice():
-    told = {"plants": 3, "held_out": 2, "steps": 30, "starts": 2, "legs": SHORT, "seed": 2}
+    told = {"plants": 3, "held_out": 2, "steps": 12, "starts": 1, "legs": SHORT, "seed": 2}
     given = Controller(dataclasses.replace(PID, cart_p=jnp.asarray(2.0), hoist_p=jnp.asarray(8.0)), 0.02)
     with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in integers
         found, again = tune(MODEL, given, **told), tune(MODEL, given, **told)
     before, after = found.costs["train"]
     assert after < 0.95 * before
     assert found.coordinates == again.coordinates and found.costs == again.costs
-    assert len(found.history) == 30 and found.rollouts > 3 * 30
+    assert len(found.history) == 12 and found.rollouts > 3 * 12
     shapes = {name: found.measures[name][1]["itae_x"].shape for name in ("train", "held_out")}
     assert shapes == {"train": (3, 1), "held_out": (2, 4)}
     with pytest.raises(InputError, match="at least 1"):

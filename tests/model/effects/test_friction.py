@@ -129,7 +129,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("method", [RK4, MIDPOINT], ids=["RK4", "MIDPOINT"])
+@pytest.mark.parametrize("method", [pytest.param(RK4, marks=pytest.mark.slow), MIDPOINT], ids=["RK4", "MIDPOINT"])
 @pytest.mark.parametrize("case", CASES)
 def test_against_located_events(case, method):
     """Stops, reversals and breakaways on all axes at once, driven and swinging, against an event-driven integration."""
