@@ -5,8 +5,8 @@
     python experiments/throughput/fresh.py few SECONDS          and plain SECONDS, without whole loops
     python experiments/throughput/fresh.py memory SECONDS
 
-Whole loops (`jbridge.set_up`) are for forward rollouts; gradients do without, and so they are measured. Another engine
-does not have them unless it is told to, so it is measured both ways.
+Everything runs with whole loops (`jbridge.set_up`), as the commands do. Another engine does not have them unless it is
+told to, so it is measured both ways.
 """
 
 import json
@@ -137,5 +137,5 @@ if __name__ == "__main__":
         "compile": compile_times, "gradient": gradients, "few": few, "plain": few, "memory": memory
     }  # fmt: skip
     kind, *words = sys.argv[1:]
-    jbridge.set_up(cache=False, whole_loops=kind not in ("gradient", "plain"))
+    jbridge.set_up(cache=False, whole_loops=kind != "plain")
     print(json.dumps(kinds[kind](*words)))

@@ -79,7 +79,9 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     # Where little is left, half of what exceeds the noise counts as much as a share of the whole.
     least = float(without.cost[0])
     enough = max(_PROMISING * least, least - 0.5 * max(least - measurements(lanes), 0.0))
-    winners = [w for w in winners if w.cost < enough][:2]
+    if only is None:  # what was asked for by its name is to be compared in any case
+        winners = [w for w in winners if w.cost < enough]
+    winners = winners[:2]
     return search.each(lambda w: search.refit_rows(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
 

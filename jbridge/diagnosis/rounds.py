@@ -15,9 +15,10 @@ from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
+from .swaps import compare_look_alikes
 from .tell import HOLDS, Step
-from .ties import look_alike, ties
-from .trials import State, Trial, accepts, explained, floor_of, held, several
+from .ties import look_alikes, ties
+from .trials import State, Trial, accepts, as_trial, explained, floor_of, held, several
 
 MOST_EFFECTS = 6
 _KEPT = 2
@@ -101,9 +102,9 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         if passed:
             tied = ties(screened.ranked, passed[0].candidate, list(reasons))
             trials = [*trials, *search.refit_all(state, tied)]
-            alike = look_alike(passed[0].candidate)
-            if alike is not None and alike not in {*reasons, *(a.name for a in state.accepted)}:
-                trials += mechanisms(search, state, alike)
+            for alike in look_alikes(passed[0].candidate):
+                if has_hidden_state(alike[0]) and alike not in {*reasons, *(a.name for a in state.accepted)}:
+                    trials += mechanisms(search, state, alike)
             trials.sort(key=lambda t: t.score)
             reasons, passed = _judged(state, trials, least, gain, little)
         if not passed:
@@ -135,6 +136,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
             state = simplify(search, state, place)
             steps = [_renamed(step, old, state.accepted[place]) for step in steps]
         state = prune(search, state)
+        state, steps = compare_look_alikes(search, state, steps)
         steps = _by_gap_closed(steps, state)
     for place in range(len(state.accepted)):
         # The error of too coarse a map is seen best when the rest is explained.
@@ -174,10 +176,7 @@ def _as_simplified(step: Step, state: State) -> Step:
     final = state.accepted[-1]
     if final.name == step.chosen.candidate.name:
         return step
-    extra = sum(
-        state.engine.table.entry(int(place)).group.startswith(f"{final.kind}@{final.site}.") for place in state.free
-    )
-    simple = Trial(**state.shared(), candidate=final, z=step.chosen.z, extra=extra)
+    simple = as_trial(state, final, step.chosen.z)
     trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
     refused = {name: why for name, why in step.refused.items() if name != final.name}
     refused[step.chosen.candidate.name] = "a simpler law explains as much"

@@ -14,16 +14,13 @@ from .screen import Screened
 _TIED = 1.02
 """Expected cost, relative to the winner's, up to which it counts as the same."""
 _MOST = 3
-_HIDDEN = {
-    # A load that hangs a little below the hook swings, at a bridge's frequencies, as on a rope that is longer.
-    ("sensor_offset", "l_sensor"): ("double_pendulum", "swing"),
-    ("sensor_scale", "l_sensor"): ("double_pendulum", "swing"),
-}
+# A load that hangs a little below the hook swings, at a bridge's frequencies, as on a rope that is longer.
+_ALIKE = (("double_pendulum", "swing"), ("sensor_offset", "l_sensor"), ("sensor_scale", "l_sensor"))
 
 
-def look_alike(winner: Candidate) -> tuple[str, str] | None:
-    """The effect with a hidden state, which no linear screen weighs, that may do the same as a winner."""
-    return _HIDDEN.get(winner.name)
+def look_alikes(winner: Candidate) -> tuple[tuple[str, str], ...]:
+    """Effects that may do the same as a winner, one of them with a hidden state, which no linear screen weighs."""
+    return tuple(name for name in _ALIKE if name != winner.name) if winner.name in _ALIKE else ()
 
 
 def ties(ranked: Sequence[Screened], winner: Candidate, tried: Collection[tuple[str, str]]) -> list[Screened]:

@@ -90,6 +90,13 @@ class State(Fitted):
     """Cost when one of the accepted explanations is taken away and all else fitted again, where that was tried."""
 
 
+def as_trial(state: State, candidate: Candidate, z: float) -> Trial:
+    """A state as the trial of one of its explanations; `z` as in `Trial`."""
+    group = f"{candidate.kind}@{candidate.site}."
+    extra = sum(state.engine.table.entry(int(place)).group.startswith(group) for place in state.free)
+    return Trial(**state.shared(), candidate=candidate, z=z, extra=extra)
+
+
 def transfer(
     source: ParameterTable, vector: NDArray[np.float64], target: ParameterTable, into: NDArray[np.float64]
 ) -> NDArray[np.float64]:

@@ -47,7 +47,7 @@ class DoublePendulum(AbstractMechanism):
                 ("hook_mass", "link", "damping"),
                 finite=True,
             )
-            for share, link in ((0.35, 0.06), (0.35, 0.18))
+            for share, link in ((0.35, 0.015), (0.35, 0.06), (0.35, 0.18))
         ]
 
 

@@ -1,0 +1,80 @@
+"""An accepted explanation against those that look like it, each beside all that was accepted later.
+
+While something else is still missing, what looks alike may be far apart: a fit takes up the rest with whatever it has.
+"""
+
+import dataclasses
+
+from .candidates import Candidate, has_hidden_state
+from .mechanisms import mechanisms
+from .revise import without
+from .search import Search
+from .tell import HOLDS, Step
+from .ties import look_alikes
+from .trials import State, Trial, accepts, as_trial, floor_of
+
+_NEAR = 1.05
+"""Cost, relative to the accepted explanation's, up to which another one is fitted to convergence, too."""
+
+
+def compare_look_alikes(search: Search, state: State, steps: list[Step]) -> tuple[State, list[Step]]:
+    """Refits what looks like an accepted explanation in its place, and takes the better one.
+
+    Args:
+        search: what can be tried.
+        state: with several accepted explanations, on whole recordings.
+        steps: how they were found.
+
+    Returns:
+        Both, with the trials of these refits in the steps that they belong to.
+    """
+    if search.window is not None:
+        return state, steps
+    for candidate in state.accepted:
+        present = {a.name for a in state.accepted}
+        names = [name for name in look_alikes(candidate) if name not in present]
+        place = next((i for i, s in enumerate(steps) if s.chosen.candidate.name == candidate.name), None)
+        if not names or place is None:
+            continue
+        plant, known = without(search, state, candidate)
+        others = tuple(a for a in state.accepted if a is not candidate)
+        bare = search.polish(plant, known, state.initial, others)
+        own = as_trial(state, candidate, steps[place].chosen.z)
+        fitted = [(own, state)] + [_settled(search, trial, others, own) for trial in _refits(search, bare, names)]
+        trials = [trial for trial, _ in fitted]
+        gain, floor = search.least_gain(bare), floor_of(trials)
+        why = {t.candidate.name: "" if t is own else accepts(bare, t, HOLDS, gain, floor) for t in trials}
+        passed = [(trial, found) for trial, found in fitted if not why[trial.candidate.name]]
+        chosen, better = min(passed, key=lambda pair: pair[0].score)
+        steps = [*steps[:place], _joined(steps[place], chosen, trials, why), *steps[place + 1 :]]
+        if chosen is not own:
+            costs = {chosen.candidate.name if name == candidate.name else name: c for name, c in state.without.items()}
+            state = dataclasses.replace(better, without=costs)
+    return state, steps
+
+
+def _joined(step: Step, chosen: Trial, trials: list[Trial], why: dict[tuple[str, str], str]) -> Step:
+    """A step with another choice and further trials in place of its own of the same explanations."""
+    before = [trial for trial in step.trials if trial.candidate.name not in why]
+    refused = {name: reason for name, reason in step.refused.items() if name not in why}
+    refused |= {name: reason for name, reason in why.items() if reason}
+    return Step(step.number, chosen, sorted([*trials, *before], key=lambda trial: trial.score), refused)
+
+
+def _refits(search: Search, bare: State, names: list[tuple[str, str]]) -> list[Trial]:
+    """Refits of some explanations beside a state."""
+    trials = [trial for name in names if has_hidden_state(name[0]) for trial in mechanisms(search, bare, name)]
+    plain = [name for name in names if not has_hidden_state(name[0])]
+    if plain:
+        ranked = search.look(bare).ranked
+        trials += search.refit_all(bare, [item for item in ranked if item.candidate.name in plain])
+    return trials
+
+
+def _settled(search: Search, trial: Trial, others: tuple[Candidate, ...], own: Trial) -> tuple[Trial, State]:
+    """A trial that comes near fitted to convergence, and the state that it would make."""
+    accepted = (*others, trial.candidate)
+    if trial.cost > _NEAR * own.cost:
+        return trial, State(**trial.shared(), accepted=accepted)
+    found = search.polish(trial.plant, trial.known, trial.initial, accepted)
+    return as_trial(found, trial.candidate, trial.z), found
