@@ -23,7 +23,8 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     """Plays a recording's inputs to a model.
 
     The parts come from the recording's channels; where it has inputs alone, from the model and the initial values in
-    its sidecar. The run starts from the first measured sample (or `[initial]`), at rest.
+    its sidecar. The run starts from the first measured sample (or `[initial]`), at rest, with drives that felt what was
+    commanded before.
 
     Args:
         model: what moves.
@@ -63,7 +64,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     step = _STEP / (2 if len(plant.mechanisms) else 1)
     substeps = max(1, math.ceil(recording.period / step - 1e-6))
     lane = Lane(
-        jnp.zeros(()),
+        jnp.asarray(recording.begun),
         jnp.asarray(np.diff(on.times)),
         jnp.asarray(np.concatenate([on.u_before, on.u])),
         jnp.asarray(on.dt_before),

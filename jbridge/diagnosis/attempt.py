@@ -174,11 +174,13 @@ def _gone_on(
     search.urged = True
     more = accept_effects(search, base, True, explained)
     if {step.chosen.candidate.name for step in more.steps} == {step.chosen.candidate.name for step in explained.steps}:
-        return dataclasses.replace(explained, screened=more.screened, refused=more.refused), completed
+        refused = more.refused or explained.refused
+        return dataclasses.replace(explained, screened=more.screened, refused=refused), completed
     whole = freeze(fit_finely(last_fit(more.state)), setting, base)
     if _closes(completed, whole, setting, base):
         return more, whole
-    new = [step for step in more.steps if step not in explained.steps]
+    before = {step.number for step in explained.steps}
+    new = [step for step in more.steps if step.number not in before]
     return dataclasses.replace(explained, screened=more.screened, refused=[*_unproven(new), *more.refused]), completed
 
 

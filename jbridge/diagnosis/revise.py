@@ -10,7 +10,7 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
 from .levels import ADDED_LEVELS, simpler_laws
 from .search import Search, settled
-from .trials import State
+from .trials import State, several
 
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
@@ -51,6 +51,8 @@ def finer(search: Search, state: State, place: int = -1) -> State:
     A map starts on a grid of its own. Where friction changes within a step of that grid more knots tell more, and the
     error that too few leave would be taken for another effect.
     """
+    if not several(state.batch):
+        return state  # by the recording that they are fitted to, more knots are always worth it
     friction = _map_of(state, state.accepted[place])
     while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
         found = _with_knots(search, state, friction, count)
@@ -105,7 +107,9 @@ def prune(search: Search, state: State) -> State:
         plant, known = without(search, state, candidate)
         kept = tuple(a for a in state.accepted if a is not candidate)
         fewer = search.polish(plant, known, state.initial, kept)
-        if fewer.cost < state.cost * (1 + SUPERFLUOUS):
+        # What the hold-out asked for may gain less than is superfluous otherwise: the hold-out decides.
+        least = min(SUPERFLUOUS, search.least_gain(fewer))
+        if fewer.cost < state.cost * (1 + least):
             state = fewer
         else:
             costs[candidate.name] = fewer.cost

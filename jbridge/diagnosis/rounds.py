@@ -217,7 +217,7 @@ def _alone(
         if search.window is not None:
             alone = _back_to_free_runs(search, alone)
     same = alone is not None and measurements(alone.batch) == measurements(state.batch)
-    if alone is None or not same or alone.cost > state.cost * (1 + SUPERFLUOUS):
+    if alone is None or not same or not alone.cost <= state.cost * (1 + SUPERFLUOUS):
         search.window = outer
         return state, steps
     others = [trial for trial in steps[0].trials if trial.candidate.name != trials[0].candidate.name]

@@ -42,23 +42,34 @@ def compare_look_alikes(search: Search, state: State, steps: list[Step]) -> tupl
         own = as_trial(state, candidate, steps[place].chosen.z)
         fitted = [(own, state)] + [_settled(search, trial, others, own) for trial in _refits(search, bare, names)]
         trials = [trial for trial, _ in fitted]
-        gain, floor = search.least_gain(bare), floor_of(trials)
-        why = {t.candidate.name: "" if t is own else accepts(bare, t, HOLDS, gain, floor) for t in trials}
+        # What gains less than the accepted one loses anyway.
+        why = {t.candidate.name: "" if t is own else accepts(bare, t, HOLDS, 0.0, floor_of(trials)) for t in trials}
         passed = [(trial, found) for trial, found in fitted if not why[trial.candidate.name]]
         chosen, better = min(passed, key=lambda pair: pair[0].score)
-        steps = [*steps[:place], _joined(steps[place], chosen, trials, why), *steps[place + 1 :]]
+        steps = [*steps[:place], _joined(steps[place], chosen, own, trials, why), *steps[place + 1 :]]
         if chosen is not own:
             costs = {chosen.candidate.name if name == candidate.name else name: c for name, c in state.without.items()}
             state = dataclasses.replace(better, without=costs)
     return state, steps
 
 
-def _joined(step: Step, chosen: Trial, trials: list[Trial], why: dict[tuple[str, str], str]) -> Step:
-    """A step with another choice and further trials in place of its own of the same explanations."""
+def _joined(step: Step, chosen: Trial, own: Trial, trials: list[Trial], why: dict[tuple[str, str], str]) -> Step:
+    """A step with further trials, and perhaps another choice, weighed as its own are.
+
+    They were fitted beside what was accepted later, too, so their costs are put in proportion.
+    """
+    scale = step.chosen.cost / own.cost
+    weighed = {
+        trial.candidate.name: step.chosen
+        if trial is own
+        else dataclasses.replace(trial, cost=scale * trial.cost, cross_validated=scale * trial.cross_validated)
+        for trial in trials
+    }
     before = [trial for trial in step.trials if trial.candidate.name not in why]
     refused = {name: reason for name, reason in step.refused.items() if name not in why}
     refused |= {name: reason for name, reason in why.items() if reason}
-    return Step(step.number, chosen, sorted([*trials, *before], key=lambda trial: trial.score), refused)
+    ranked = sorted([*weighed.values(), *before], key=lambda trial: trial.score)
+    return Step(step.number, weighed[chosen.candidate.name], ranked, refused)
 
 
 def _refits(search: Search, bare: State, names: list[tuple[str, str]]) -> list[Trial]:

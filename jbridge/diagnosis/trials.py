@@ -232,7 +232,10 @@ def explained(state: State, trial: Trial, floor: float) -> float:
 
 def floor_of(trials: Sequence[Trial]) -> float:
     """Cost of noise alone: what is measured, or what the best of a round reaches, if noise was put too high."""
-    return min((min(float(measurements(trial.batch)), trial.cost) for trial in trials), default=0.0)
+    if not trials:
+        return 0.0
+    best = min(trials, key=lambda trial: trial.score)
+    return min(float(measurements(best.batch)), best.cost)
 
 
 def least_gain(state: State) -> float:

@@ -21,10 +21,13 @@ from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
-from .lanes import HISTORY, Grid
+from .lanes import Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""
+
+_PAST = 5.0
+"""Time before a recording [s] whose inputs its drives may feel."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,12 +90,12 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     commands = recording.commands
     given = commands.times - recording.start
     # Delays and lags feel what was commanded before.
-    since = np.arange(-np.floor(min(-given[0], HISTORY) / period), 0.0) * period
+    since = np.arange(-np.floor(min(-given[0], _PAST) / period), 0.0) * period
     played = np.concatenate([since, t])
     held = np.clip(np.searchsorted(given, played, side="right") - 1, 0, len(given) - 1)
     commanded = {name: part[held] for name in ("u_x", "u_l") if (part := getattr(commands, name)) is not None}
     inputs = np.stack([commanded.get(name, np.zeros_like(played)) for name in ("u_x", "u_l")], axis=1)
-    behind = _behind_drives(plant, played, inputs, period)
+    behind = _behind_drives(plant, float(played[0]) + recording.begun, inputs, period)
     u, volts = ({name: values[len(since) :] for name, values in part.items()} for part in (commanded, behind))
     force = _residual(plant, t + recording.begun, q, v, a, volts, recording)
     out = {}
@@ -138,16 +141,18 @@ def as_played(
 
 
 @kept()
-def _chain(plant: Plant, dt: Float[Array, " time"], inputs: Float[Array, "time 2"]) -> Float[Array, "time 2"]:
+def _chain(
+    plant: Plant, start: Scalar, dt: Float[Array, " time"], inputs: Float[Array, "time 2"]
+) -> Float[Array, "time 2"]:
     one = jnp.ones(())
-    lane = Lane(jnp.zeros(()), dt, inputs, jnp.zeros(0), Axes(one, one, one))
+    lane = Lane(start, dt, inputs, jnp.zeros(0), Axes(one, one, one))
     return drive_inputs(plant, lane).mean[:, 0]
 
 
 def _behind_drives(
-    plant: Plant, t: NDArray[np.float64], inputs: NDArray[np.float64], period: float
+    plant: Plant, start: float, inputs: NDArray[np.float64], period: float
 ) -> dict[str, NDArray[np.float64]]:
-    chain = np.asarray(_chain(plant, np.full(len(t), period), inputs))
+    chain = np.asarray(_chain(plant, np.asarray(start), np.full(len(inputs), period), inputs))
     constants = plant.time_constants()
     volts: dict[str, NDArray[np.float64]] = {}
     for k, axis in enumerate(("x", "l")):

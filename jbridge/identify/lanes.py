@@ -165,7 +165,7 @@ def make_batch(
         stops = [*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)]
         cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
     longest = _rounded(max(b - a for _, a, b in cuts))
-    earlier = math.ceil(history / period)
+    earlier = math.ceil(history / min(recording.period for recording in recordings))
     n = _filled(len(cuts))
     if like is not None:
         length, room = like.lanes.lane.dt.shape[1], like.count
@@ -183,10 +183,12 @@ def make_batch(
         g = grids[r]
         dt[i, : b - a] = np.diff(g.times[a : b + 1])
         u[i, earlier : earlier + b - a] = g.u[a:b]
-        known = np.concatenate([g.u_before, g.u[:a]])[-earlier:]
+        near = max(a - earlier, 0)
+        known = np.concatenate([g.u_before, g.u[near:a]])[-earlier:]
         if len(known):
+            spans = np.concatenate([g.dt_before, np.diff(g.times[near : a + 1])])
             u[i, earlier - len(known) : earlier] = known
-            before[i, earlier - len(known) :] = np.concatenate([g.dt_before, np.diff(g.times[: a + 1])])[-earlier:]
+            before[i, earlier - len(known) :] = spans[-earlier:]
         y[i, : b - a + 1] = g.y[a : b + 1]
         weight[i, : b - a + 1] = g.measured[a : b + 1] * scale
         if overrides:

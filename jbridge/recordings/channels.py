@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from jbridge.errors import InputError, listed
-from jbridge.recordings.checks import LEAST_SAMPLES, check_finite, check_length, check_size, check_times
+from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
 from jbridge.recordings.columns import CHANNELS, Column
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
@@ -154,7 +154,7 @@ def trim(path: Path, channels: Channels, declared: Sidecar) -> Channels:
 
 
 def inputs_before(channels: Channels, row: int) -> dict[str, np.ndarray]:
-    """Returns time and inputs of the rows before one, back to the last that is not all numbers."""
+    """Returns time and inputs of the rows before one, back to the last in which something is no number, or no input."""
     found = {name: values[:row] for name, values in channels.values.items() if name in ("t", *INPUTS)}
-    bad = np.flatnonzero(~np.all([np.isfinite(values) for values in found.values()], axis=0))
+    bad = np.flatnonzero(~np.all([np.abs(values) <= LARGEST for values in found.values()], axis=0))
     return {name: values[bad[-1] + 1 if bad.size else 0 :] for name, values in found.items()}

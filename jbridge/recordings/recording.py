@@ -104,6 +104,7 @@ class Recording:
             begun=self.begun + float(self.times[begin] - self.times[0]),
             earlier=Commands(commands.times[before], *inputs) if count + begin else None,
             fresh={name: flag[rows] for name, flag in self.fresh.items()},
+            initial=self.initial if begin == 0 else {},
             extras={name: values[rows] for name, values in self.extras.items()},
             **arrays,
         )

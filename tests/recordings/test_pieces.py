@@ -1,5 +1,7 @@
 """Pieces of a recording know what was commanded before them, since a lag or a delay still feels it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def test_drives_start_as_they_were(run):
     model = cart_model(LAG, SLOW)
     begin = int(np.flatnonzero(np.diff(run.u_x))[5]) + 3  # the drive has not yet heard of the step before
     piece = run.rows(slice(begin, None))
-    alone = type(piece)(**{**vars(piece), "earlier": None})
+    alone = replace(piece, earlier=None)
 
     def error(recording):
         setting = make_setting(model, [run], [recording])
@@ -61,9 +63,24 @@ def test_simulate_feels_what_was_before():
     np.testing.assert_allclose(piece["x"], whole["x"][23:], rtol=0, atol=1e-12)
 
 
+def test_time_goes_on_in_a_piece():
+    """Gains that drift go by the time since the run began, in `simulate` and in the force balance."""
+    drift = ("gain_drift", "cart_drive", {"rate": -0.05})
+    model = cart_model(drift)
+    u = np.stack([steps(COUNT, 4, hold=30), np.zeros(COUNT)], axis=1)
+    run = play(model.plant, u, start={"x": 0.6}, noise=0.0)
+    late = run.rows(slice(400, None))
+    left = balance(model.plant, late).force["x"]
+    young = balance(model.plant, replace(late, begun=0.0)).force["x"]
+    assert np.sqrt(np.nanmean(left**2)) < 0.3 * np.sqrt(np.nanmean(young**2))
+    assert np.ptp(simulate(model, late)["x"] - simulate(model, replace(late, begun=0.0))["x"]) > 1e-3
+
+
 def test_trimmed_rows_still_drive(tmp_path):
-    """Back to the last row that is not all numbers."""
-    rows = [f"{0.01 * i:.2f},{'nan' if i == 4 else 0.1 * i},0.0,{0.001 * i * i}" for i in range(200)]
+    """Back to the last row with no number, or with one that no drive is given."""
+    rows = [
+        f"{0.01 * i:.2f},{'nan' if i == 3 else 9e37 if i == 4 else 0.1 * i},0.0,{0.001 * i * i}" for i in range(200)
+    ]
     (tmp_path / "run.csv").write_text("t,u_x,u_l,x\n" + "\n".join(rows) + "\n")
     (tmp_path / "run.toml").write_text("[trim]\nstart = 0.095\n[columns]\nu_l = false\n")
     found = load_recording(tmp_path / "run.csv")

@@ -99,7 +99,7 @@ class GainDrift(AbstractDrive):
 
 
 class InputDelay(AbstractEffect):
-    """`u(t - delay)`, 0 before the first row. The engine averages it over a step, which gives it a gradient."""
+    """`u(t - delay)`, 0 before the first known row. The engine averages it over a step, which gives it a gradient."""
 
     kind: ClassVar[str] = "input_delay"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
