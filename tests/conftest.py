@@ -23,6 +23,17 @@ MOST_MAPS = 20_000
 """Every compiled program takes some memory maps, of which Linux gives a process 65,530: then loading one aborts."""
 
 
+LONGEST = {
+    "test_diagnose.py", "test_tune.py", "test_cli.py", "test_inference.py", "test_gradients.py", "test_rollout.py",
+    "test_fit.py", "test_linearise.py",
+}  # fmt: skip
+"""Files that take longest come first, lest one process is left with them at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def few_memory_maps():
     """Drops the programs of finished modules when there are many; whoever needs one again reads it from the cache."""

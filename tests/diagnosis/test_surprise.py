@@ -102,6 +102,7 @@ def test_of_two_one_is_learned_from_and_the_other_proves_it():
     assert left.startswith("fast-") and left not in note
 
 
+@pytest.mark.slow
 def test_numbers_that_slow_runs_leave_uncertain_are_no_surprise():
     found = diagnosed(slow(3), fast(2))
     assert found.verdict == "adequate" and len(found.holdout) == 2
