@@ -13,8 +13,9 @@ from .tell import HOLDS, Step
 from .ties import look_alikes
 from .trials import State, Trial, accepts, as_trial, floor_of
 
-_NEAR = 1.05
-"""Cost, relative to the accepted explanation's, up to which another one is fitted to convergence, too."""
+_NEAR = 4.0
+"""Cost, relative to the accepted explanation's, up to which another one is fitted to convergence, too: a refit begins
+where a linear screen of what is far off sends it, and may stop short."""
 
 
 def compare_look_alikes(search: Search, state: State, steps: list[Step]) -> tuple[State, list[Step]]:
