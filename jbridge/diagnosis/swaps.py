@@ -5,6 +5,7 @@ While something else is still missing, what looks alike may be far apart: a fit 
 
 import dataclasses
 
+from ..model.plant import Plant
 from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
 from .revise import without
@@ -41,7 +42,9 @@ def compare_look_alikes(search: Search, state: State, steps: list[Step]) -> tupl
         others = tuple(a for a in state.accepted if a is not candidate)
         bare = search.polish(plant, known, state.initial, others)
         own = as_trial(state, candidate, steps[place].chosen.z)
-        fitted = [(own, state)] + [_settled(search, trial, others, own) for trial in _refits(search, bare, names)]
+        fitted = [(own, state)] + [
+            _settled(search, trial, state, plant, others) for trial in _refits(search, bare, names)
+        ]
         trials = [trial for trial, _ in fitted]
         # What gains less than the accepted one loses anyway.
         why = {t.candidate.name: "" if t is own else accepts(bare, t, HOLDS, 0.0, floor_of(trials)) for t in trials}
@@ -83,10 +86,16 @@ def _refits(search: Search, bare: State, names: list[tuple[str, str]]) -> list[T
     return trials
 
 
-def _settled(search: Search, trial: Trial, others: tuple[Candidate, ...], own: Trial) -> tuple[Trial, State]:
-    """A trial that comes near fitted to convergence, and the state that it would make."""
+def _settled(
+    search: Search, trial: Trial, state: State, plant: Plant, others: tuple[Candidate, ...]
+) -> tuple[Trial, State]:
+    """A trial that comes near fitted to convergence, and the state that it would make.
+
+    What looks alike asks for the same of all other numbers, so these start where they are (`plant`).
+    """
     accepted = (*others, trial.candidate)
-    if trial.cost > _NEAR * own.cost:
+    if not trial.cost <= _NEAR * state.cost:
         return trial, State(**trial.shared(), accepted=accepted)
-    found = search.polish(trial.plant, trial.known, trial.initial, accepted)
+    effect = next(e for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name)
+    found = search.polish(plant.adding(effect), trial.known, state.initial, accepted)
     return as_trial(found, trial.candidate, trial.z), found
