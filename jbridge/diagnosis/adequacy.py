@@ -66,7 +66,7 @@ def carries_over(before: Errors, after: Errors, noise: Mapping[str, float], *, w
         windows: whether windows were compared, since whole recordings drift too far.
     """
     first, last = (worst_ratio(errors.window if windows else errors.free_run, noise) for errors in (before, after))
-    return np.isfinite(last) and (last <= min(LARGE, NOTICEABLE * max(first, 1.0)) or _closes(first, last))
+    return last < np.inf and (last <= min(LARGE, NOTICEABLE * max(first, 1.0)) or _closes(first, last))
 
 
 def closes_little(before: Run, after: Run) -> bool:
