@@ -1,9 +1,9 @@
-"""The concealed cases: three parts, drawn from three seeds.
+"""The concealed cases: four parts, drawn from four seeds.
 
 A case is a truth (numbers, effects, what was concealed, what a perfect answer would be), a model with wrong
 numbers and without the concealed effects, and a plan of recordings. The `dev` half serves for choosing
-settings, the `proof` half for the proof. `wide` is a larger proof, with every effect at three severities. Which case
-holds what is shuffled, so a case's number says nothing.
+settings, the `proof` half for the proof. `wide` is a larger proof, with every effect at three severities, and `fresh` a smaller one that one version
+of the method ran, once. Which case holds what is shuffled, so a case's number says nothing.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from makeup import HALVES
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962}
+MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "fresh": 91350746}
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
         "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist"}  # fmt: skip

@@ -1,4 +1,4 @@
-"""The make-up of the parts, `dev`, `proof` and `wide`: one case a line.
+"""The make-up of the parts, `dev`, `proof`, `wide` and `fresh`: one case a line.
 
 Each line is the flavour of the rig (full bridge, rope locked, cart alone, pendulum on a fixed cart), what
 is concealed, and the loop if it is closed. `null` conceals nothing: only numbers are wrong. With `wander`,
@@ -145,7 +145,7 @@ BEYOND = (
 """Laws that no catalogue has."""
 
 
-def _singles() -> list[str]:
+def _singles(severities: tuple[int, ...] = SEVERITIES) -> list[str]:
     """Every effect at every severity, on rigs and loops in turn."""
     turns = {
         "cart": itertools.cycle(("full", "locked", "cart", "full closed", "locked closed")),
@@ -154,7 +154,7 @@ def _singles() -> list[str]:
     }
     lines = []
     for axis, names in SINGLES.items():
-        for name, severity in itertools.product(names, SEVERITIES):
+        for name, severity in itertools.product(names, severities):
             flavour, *closed = next(turns[axis]).split()
             if name == "length_dependent_damping swing":  # one length would show nothing of it
                 flavour = "full"
@@ -184,3 +184,14 @@ HALVES["wide"] = [
     *(f"{line} at 48{closed}" for line, closed in zip(BEYOND, itertools.cycle(("", "", " closed")))),
     *(f"full {name} at 12" for name in AMBIGUOUS),
 ]
+
+HALVES["fresh"] = [
+    *(_singles((5, 10, 20))[3 * i + i % 3] for i in range(28)),
+    "cart coulomb_friction cart", "full saturation cart_drive closed", "full rope_elasticity hoist",
+    *_several(24, 2)[::5],
+    *_several(10, 3)[2::5],
+    *NULLS[1::3],
+    *(f"{line} at 48" for line in BEYOND[1::3]),
+    *(f"full {name} at 12" for name in AMBIGUOUS[2::3]),
+]  # fmt: skip
+"""Made when the method was done, and run once, all of it by one version."""

@@ -105,7 +105,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--figures", action="store_true", help="redraw table and picture from saved data and stop")
     chosen = parser.parse_args()
     if not chosen.figures and not chosen.half:
-        parser.error("--half dev or --half proof is needed")
+        parser.error(f"--half is needed: {', '.join(MASTER)}")
     return chosen
 
 
