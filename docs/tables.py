@@ -1,38 +1,46 @@
-"""Puts measured tables into README.md, between their markers.
+"""Puts measured tables into the pages that show them, between their markers.
 
     python docs/tables.py
 
-Each `<!-- NAME -->` ... `<!-- end of NAME -->` in the README receives the content of figures/NAME.md where that exists.
+Each `<!-- NAME -->` ... `<!-- end of NAME -->` in a page receives the content of figures/NAME.md where that exists.
 """
 
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/results.md")
 FIRST_ONLY = {"concealed-table"}
-"""Pages of several sections of which the README has the first."""
+"""Tables of several sections of which a page shows the first."""
 
 
 def main() -> None:
-    readme = ROOT / "README.md"
-    readme.write_text(with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        path = ROOT / page
+        path.write_text(with_tables(path.read_text(encoding="utf-8"), page), encoding="utf-8")
 
 
-def with_tables(text: str) -> str:
-    """The README's text with its tables as they are in figures/."""
+def with_tables(text: str, page: str) -> str:
+    """A page's text with its tables as they are in figures/.
+
+    Args:
+        text: what the page says now.
+        page: where it lies below the project's root; links are relative to that.
+    """
+    figures = "../" * page.count("/") + "figures"
     for name in re.findall(r"<!-- end of ([\w-]+) -->", text):
         source = ROOT / "figures" / f"{name}.md"
         if not source.exists():
-            print(f"{name}: no {source.relative_to(ROOT)} yet")
+            print(f"{page}: no figures/{name}.md yet")
             continue
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, rest = text.split(begin)
-        # In the README a table's headings stand below the section's.
         content = source.read_text(encoding="utf-8").strip()
         if name in FIRST_ONLY:
             content = content.split("\n## ")[0].strip()
-        content = re.sub(r"^(#+ )", r"##\1", content, flags=re.MULTILINE)
-        content = re.sub(r"\]\(([\w-]+\.md)\)", r"](figures/\1)", content)
+        content = re.sub(r"^#[^#].*\n+", "", content)  # the page has a heading of its own
+        content = re.sub(r"^(#+ )", r"#\1", content, flags=re.MULTILINE)
+        content = re.sub(r"\]\(([\w-]+\.md)\)", rf"]({figures}/\1)", content)
         text = f"{before}{begin}\n\n{content}\n\n{end}{rest.split(end)[1]}"
     return text
 

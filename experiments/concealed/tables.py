@@ -60,6 +60,7 @@ def _percent(values: list, middle: bool = True) -> str:
 def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
     """Rows of the table: measure, aim, result."""
     g = groups(rows)
+    visible = [r for r in g["visible"] if r["true_verdict"] == "missing_physics"]
     errors, covered = _numbers(rows, "parameters")
     rig_errors, rig_covered = _numbers(rows, "bridge")
     gaps = [r["gap_closed"] for r in g["catalogued"] if r["gap_closed"] is not None]
@@ -71,7 +72,9 @@ def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
             ">= 98 %",
             share(g["visible"], "detected"),
         ),
-        ("right equation", ">= 97 %", share(g["concealed"], "equation_right")),
+        ("right equation, there", ">= 97 %", share(g["visible"], "equation_right")),
+        ("exact set, there, where it has a name", "", share(visible, "set_right")),
+        ("right equation, of all sizes", ">= 97 %", share(g["concealed"], "equation_right")),
         (
             "right effect, or its declared equivalent, named first, one missing",
             ">= 95 %",
