@@ -4,7 +4,10 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import jbridge
 
 ROOT = Path(__file__).parents[1]
 SPEC = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.py")
@@ -30,3 +33,25 @@ def test_links_lead_somewhere(page):
     assert not [link for link in links if not ((ROOT / page).parent / link).exists()]
     if page == "README.md":
         assert links
+
+
+def blocks(page: str, heading: str) -> list[str]:
+    """The TOML examples below a heading."""
+    section = (ROOT / page).read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
+    return re.findall(r"```toml\n(.*?)```", section, re.DOTALL)
+
+
+def test_examples_of_files_are_read(tmp_path):
+    (sidecar,) = blocks("docs/files.md", "Sidecars")
+    (model,) = blocks("docs/files.md", "Models")
+    (reference,) = blocks("docs/files.md", "Controllers and references")
+    for name, text in (("run.toml", sidecar), ("model.toml", model), ("path.toml", reference)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    rows = ["millis,enc,theta,rope,pwm,u_l"]
+    rows += [f"{5 * k},{1000 + 20 * (k % 50)},{180 + k % 5},0.7,{k % 7 * 10},0.0" for k in range(4100)]
+    (tmp_path / "run.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    recording = jbridge.load_recording(tmp_path / "run.csv")
+    assert recording.begun == pytest.approx(1.5) and np.ptp(recording.times) == pytest.approx(18.5)
+    assert recording.x.min() == pytest.approx(1000 * 5.5e-5) and recording.psi.min() == pytest.approx(-np.radians(4))
+    assert jbridge.load_model(tmp_path / "model.toml").known == {"cart_mass", "load_mass", "winch_mass", "gravity"}
+    assert jbridge.load_reference(tmp_path / "path.toml", 0.02).x.max() == pytest.approx(1.2)

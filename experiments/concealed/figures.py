@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import PROBABILITIES, SEVERITIES, table, wilson, with_probability
+from tables import PROBABILITIES, SEVERITIES, brief, table, wilson, with_probability
 
 VERDICTS = ["adequate", "missing_physics", "unknown"]
 EQUATIONS = ["none", "cart", "swing", "hoist"]
@@ -153,6 +153,7 @@ def draw(folder: Path) -> None:
     rivals = json.loads(beside.read_text()) if beside.exists() else None
     less = folder / "data" / "concealed-ablations.json"
     ablations = json.loads(less.read_text())["rows"] if less.exists() else None
+    (folder / "concealed-brief.md").write_text(brief(halves))
     (folder / "concealed-table.md").write_text(table(halves, rivals, ablations))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

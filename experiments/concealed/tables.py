@@ -121,6 +121,31 @@ def misses(rows: list[dict]) -> list[str]:
     return lines
 
 
+FRESH = "; `fresh` was run once, by one version"
+
+
+def brief(halves: dict[str, dict]) -> str:
+    """The five measures that matter most to an owner, in markdown."""
+    measures = {
+        "cases": lambda rows: str(len(rows)),
+        "verdict right": lambda rows: share(rows, "verdict_right"),
+        "nothing is missing, and yet an alarm": lambda rows: share(groups(rows)["null"], "detected"),
+        "something is missing that leaves 5 times the noise: seen": lambda rows: share(
+            groups(rows)["visible"], "detected"
+        ),
+        "... and exactly the right names, where it has one": lambda rows: share(
+            [r for r in groups(rows)["visible"] if r["true_verdict"] == "missing_physics"], "set_right"
+        ),
+        "missing physics was named: exactly the right names": lambda rows: share(
+            [r for r in rows if r["verdict"] == "missing_physics"], "set_right"
+        ),
+    }
+    lines = ["# Concealed cases, in brief", "", "| | " + " | ".join(halves) + " |", "|" + "---|" * (1 + len(halves))]
+    for name, of in measures.items():
+        lines.append(f"| {name} | " + " | ".join(of(saved["rows"]) for saved in halves.values()) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def table(
     halves: dict[str, dict],
     rivals: dict[str, dict[str, list[dict]]] | None = None,
@@ -140,8 +165,8 @@ def table(
         "",
         "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings were",
         "chosen on `dev`; `proof` was opened once; `wide` has every effect at three sizes, and many versions ran",
-        "it; `fresh` was run once, by one version. Percentages come with counts and 95 % Wilson intervals.",
-        "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
+        f"it{FRESH if 'fresh' in halves else ''}. Percentages come with counts and 95 % Wilson intervals.",
+        "A quarter of the nulls has friction that wanders. Redrawn by `run.py --figures`; do not edit.",
         "",
         "| measure | aim | " + " | ".join(names) + " |",
         "|" + "---|" * (2 + len(names)),

@@ -1,4 +1,4 @@
-"""Diagnoses the recordings of three rigs that nobody in this project built, read in place from ../shared/recordings.
+"""Diagnoses the recordings of three rigs that nobody in this project built, read in place.
 
     python experiments/real_rigs/run.py --rig pendulum_multiarm_uw
     python experiments/real_rigs/run.py --figures
@@ -9,6 +9,7 @@ Numbers are kept in figures/data/real-rigs.json and replaced case by case; table
 import argparse
 import dataclasses
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -36,6 +37,9 @@ from experiments.real_rigs.cases import (  # noqa: E402
 from experiments.real_rigs.friction import levels_by_place  # noqa: E402
 
 RECORDINGS = ROOT.parent / "shared" / "recordings"
+"""Beside the project, a folder for each rig; JBRIDGE_RECORDINGS names another."""
+if "JBRIDGE_RECORDINGS" in os.environ:
+    RECORDINGS = Path(os.environ["JBRIDGE_RECORDINGS"])
 FIGURES = ROOT / "figures"
 KEPT = (
     "verdict", "statement", "adequacy", "location", "missing_force",
@@ -226,7 +230,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if not arguments.figures:
         if not RECORDINGS.is_dir():
-            print("skipped: the recordings of real rigs are not here (looked in ../shared/recordings from the project)")
+            print(f"skipped: no recordings of real rigs in {RECORDINGS}; JBRIDGE_RECORDINGS=DIR names another folder")
             return
         jbridge.set_up()
         work(arguments.rig, arguments.limit, arguments.out, arguments.only)
