@@ -21,10 +21,12 @@ from .adequacy import (
     NOTICEABLE,
     SIGNIFICANT,
     STILL_LEARNABLE,
+    carries_over,
     channels,
     closes_little,
     is_large,
     significance,
+    worst_ratio,
 )
 from .freeze import Frozen, freeze, last_fit
 from .repeats import repeating_share
@@ -35,6 +37,8 @@ from .search import BOOTSTRAP, Search, state_of
 from .surprise import surprise
 from .tell import Step
 from .trials import State, Trial, transfer
+
+_NOT_PROVEN = "does not hold on the hold-out"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,6 +132,9 @@ def attempt(
         tell("asking whether the missing force repeats")
         foreseen = _foreseen(base, setting, badly)
         learnable, repeating = max(np.nan_to_num(learnable), foreseen), foreseen >= FORESEEN
+        if not repeating and steps and len(setting.recordings) == 1:
+            # Of one recording a gust or missed counts repeat in no other part: only the hold-out can say so.
+            repeating = _borne_out(base, state, completed, setting, search.window is not None)
     left_repeats = bool(learnable_after >= STILL_LEARNABLE)
     if not steps:
         learnable_after, left_repeats = learnable, repeating
@@ -136,6 +143,9 @@ def attempt(
         learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
     # What is not large is named only if the hold-out proves it, and then that is alarm enough.
     alarm = bool(repeating and p_value <= SIGNIFICANT) if large else bool(steps)
+    if steps and not alarm:  # names for scatter are none, and do not belong into the model
+        explained, completed = _refuted(explained, search, base, "what it explains does not repeat"), None
+        learnable_after, left_repeats = learnable, repeating
     return Attempt(
         base,
         search,
@@ -166,6 +176,14 @@ def _worth_a_name(given: Frozen, setting: Setting, p_value: float) -> bool:
     return noticeable or surprise(given.fit, given.holdout, NOTICEABLE) is not None
 
 
+def _borne_out(base: BaseFit, state: State, completed: Frozen | None, setting: Setting, windows: bool) -> bool:
+    """Whether what was named closes the gap on a hold-out that shows one."""
+    before = freeze(LastFit.of(base), setting, base).holdout.errors
+    after = (completed or freeze(last_fit(state), setting, base)).holdout.errors
+    gap = worst_ratio(before.window if windows else before.free_run, setting.noise)
+    return gap > LARGE and carries_over(before, after, setting.noise, windows=windows)
+
+
 def _gone_on(
     search: Search, base: BaseFit, explained: Explained, completed: Frozen, setting: Setting
 ) -> tuple[Explained, Frozen]:
@@ -191,21 +209,19 @@ def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> b
     return closes_little(before.holdout, after.holdout)
 
 
-def _refuted(explained: Explained, search: Search, base: BaseFit) -> Explained:
-    """Nothing accepted: what explained a small error does not on the hold-out."""
+def _refuted(explained: Explained, search: Search, base: BaseFit, why: str = _NOT_PROVEN) -> Explained:
+    """Nothing accepted, for a reason that came to light afterwards."""
     state = state_of(base.engine, base.free_run, base.fits, search.known)
-    refused = [*_unproven(explained.steps), *explained.refused]
+    refused = [*_unproven(explained.steps, why), *explained.refused]
     return Explained(state, [], nan, nan, explained.screened, refused)
 
 
-def _unproven(steps: Sequence[Step]) -> list[tuple[Trial, str]]:
-    """The trials of rounds whose choice the hold-out does not bear out, and why each is not taken."""
+def _unproven(steps: Sequence[Step], why: str = _NOT_PROVEN) -> list[tuple[Trial, str]]:
+    """The trials of rounds whose choice is not borne out, and why each is not taken."""
     return [
         (
             trial,
-            "does not hold on the hold-out"
-            if trial is step.chosen
-            else step.refused.get(trial.candidate.name, "") or "explains less",
+            why if trial is step.chosen else step.refused.get(trial.candidate.name, "") or "explains less",
         )
         for step in steps
         for trial in step.trials

@@ -18,8 +18,12 @@ WRONG_VALUE = "wrong_value"
 """The kind of the commonest cause of all: a known number that is wrong. Its site is the parameter's name."""
 ABSENT_WHEN_LARGE = ("stiffness", "limit")
 """Parameters that leave an effect out when they grow."""
-_RIVAL_NUMBERS = ("cart_mass", "load_mass", "winch_mass")
-"""Known numbers that a rig's owner may have wrong. Gravity is not among them."""
+SITE_OF_NUMBER = {
+    "cart_mass": "cart", "cart_damping": "cart", "cart_gain": "cart_drive",
+    "load_mass": "swing", "swing_damping": "swing",
+    "winch_mass": "hoist", "hoist_damping": "hoist", "hoist_gain": "hoist_drive",
+}  # fmt: skip
+"""Numbers that a rig's owner may know wrong, by the site where they act. Gravity is not among them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,8 +113,8 @@ def candidates(
             if one_seed:
                 seeds = _one_of_each(seeds)
             found += [_candidate(kind, site, seed) for seed in seeds]
-    for number in _RIVAL_NUMBERS:
-        if number in known and _matters(number, setting):
+    for number, site in SITE_OF_NUMBER.items():
+        if number in known and AXIS_OF_SITE[site] in setting.axes:
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))
     return found
 
@@ -138,11 +142,6 @@ def unnamed_forces(setting: Setting, scene: Scene) -> list[Candidate]:
 def _candidate(kind: str, site: str, seed: Seed) -> Candidate:
     linear = seed.free if seed.linear is None else seed.linear
     return Candidate(kind, site, dict(seed.values), seed.free, seed.finite, () if seed.finite else linear)
-
-
-def _matters(number: str, setting: Setting) -> bool:
-    needed = {"cart_mass": "x", "load_mass": "psi", "winch_mass": "l"}[number]
-    return needed in setting.axes
 
 
 def _exists(site: str, setting: Setting) -> bool:

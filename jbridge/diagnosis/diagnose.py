@@ -2,11 +2,12 @@
 
 import dataclasses
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 
 from ..identify.base import WINDOW
 from ..identify.evaluate import traces
-from ..identify.setting import Setting, make_setting
+from ..identify.setting import Setting, make_setting, with_a_scale
 from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..recordings import Recording
@@ -111,6 +112,9 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     tell = progress or (lambda text: None)
     model, holdout, former = plan.model, plan.holdout, plan.former
     setting = make_setting(model, plan.recordings, holdout)
+    model, told = with_a_scale(model, setting.axes)
+    if told is not None:
+        plan = dataclasses.replace(plan, model=model, notes=(*plan.notes, told))
     made = attempt(
         model,
         setting,
@@ -147,11 +151,12 @@ def _told(
     beyond = judged.odd_one or judged.elsewhere
     if not alarm and beyond is not None:
         location = dataclasses.replace(location, site=None, equation=equation_of(beyond.channel))
-    known_in = {(e.kind, e.site) for e in search.given.effects}
+    given = Counter((e.kind, e.site) for e in search.given.effects)
+    kept = given & Counter((e.kind, e.site) for e in last.plant.effects)
     own = tuple(
-        NamedEffect(e.kind, e.site, None, parameters_of(e.kind, e.site, values), (), "")
-        for e in last.plant.effects
-        if (e.kind, e.site) in known_in
+        NamedEffect(kind, site, None, parameters_of(kind, site, values, number), (), "")
+        for (kind, site), count in kept.items()
+        for number in range(1, count + 1)
     )
     before = channels(first.train.batch, first.train.predicted, setting.noise) if alarm else made.channels
     statement = verdict_sentence(

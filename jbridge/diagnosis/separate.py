@@ -27,11 +27,10 @@ from ..identify.solve import reduce
 from ..identify.uncertainty import inverse_normal
 from ..model.effects.base import AXIS_OF_SITE
 from ..recordings import Recording
+from .candidates import SITE_OF_NUMBER
 from .plays import Play
 from .reach import Reach
 from .trials import EFFECTIVE, Fitted
-
-_AXIS_OF_NUMBER = {"cart_mass": "x", "load_mass": "psi", "winch_mass": "l"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Contender:
     @property
     def axis(self) -> str:
         """The axis that it is about."""
-        return AXIS_OF_SITE.get(self.site) or _AXIS_OF_NUMBER.get(self.site, "x")
+        return AXIS_OF_SITE[SITE_OF_NUMBER.get(self.site, self.site)]
 
 
 def contender(kind: str, site: str, probability: float, fitted: Fitted) -> Contender:
@@ -119,6 +118,7 @@ def as_recording(play: Play, reach: Reach, setting: Setting) -> Recording:
         extras={},
         notes=(),
         begun=0.0,
+        earlier=None,
         u_x=changed.get("u_x"),
         u_l=changed.get("u_l"),
         x=changed.get("x"),

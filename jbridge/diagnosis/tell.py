@@ -13,9 +13,9 @@ from ..identify.latent import Latent
 from ..identify.result import Estimate
 from ..identify.setting import Setting
 from ..identify.uncertainty import covariance, estimates
-from ..model.effects.base import AXIS_OF_SITE, SITES
+from ..model.effects.base import AXIS_OF_SITE
 from ..model.parameters import ParameterTable
-from .candidates import WRONG_VALUE
+from .candidates import SITE_OF_NUMBER, WRONG_VALUE
 from .describe import describe
 from .levels import simpler_laws
 from .locate import equation_of, intervals, regions, times_of
@@ -113,11 +113,20 @@ def _rival(trial: Trial, probability: float, setting: Setting) -> Rival:
     return Rival(kind, site, probability, parameters, run.errors.free_run)
 
 
-def parameters_of(kind: str, site: str, values: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Estimates of the latest effect of a kind at a site, by key: a second one of a kind is numbered in its names."""
-    owners = [name.rpartition(".")[0] for name in values if "." in name]
-    last = max((o for o in owners if o.split("#")[0] == f"{kind}@{site}"), key=lambda o: (len(o), o), default="")
-    return {name.removeprefix(f"{last}."): e for name, e in values.items() if name.startswith(f"{last}.") and last}
+def parameters_of(kind: str, site: str, values: dict[str, Estimate], number: int | None = None) -> dict[str, Estimate]:
+    """Estimates of an effect by key.
+
+    Args:
+        kind, site: of the effect.
+        values: of all parameters.
+        number: which of several of its kind and site, from 1; the latest by default.
+    """
+    owners = {name.rpartition(".")[0] for name in values if "." in name}
+    mine = sorted((o for o in owners if o.split("#")[0] == f"{kind}@{site}"), key=lambda o: (len(o), o))
+    if not mine:
+        return {}
+    owner = mine[-1 if number is None else number - 1]
+    return {name.removeprefix(f"{owner}."): e for name, e in values.items() if name.startswith(f"{owner}.")}
 
 
 def location_of(
@@ -146,13 +155,13 @@ def location_of(
     sites: dict[str, float] = {}
     if steps:
         for (kind, site), weight in _weights(steps[0]).items():
-            place = site if kind != WRONG_VALUE else _site_of_number(site)
+            place = SITE_OF_NUMBER.get(site, site)
             sites[place] = sites.get(place, 0.0) + weight
     else:
         ranked = [] if screened is None else screened.ranked
         least = min((r.cost for r in ranked), default=1.0)
         for r in ranked:
-            place = r.candidate.site if r.candidate.kind != WRONG_VALUE else _site_of_number(r.candidate.site)
+            place = SITE_OF_NUMBER.get(r.candidate.site, r.candidate.site)
             odds = math.exp(-0.5 * EFFECTIVE * math.log(max(r.cost, 1e-9) / max(least, 1e-9)))
             sites[place] = max(sites.get(place, 0.0), odds)
         total = sum(sites.values())
@@ -161,7 +170,7 @@ def location_of(
     sites = {site: value for site, value in sites.items() if value > 1e-4}
     at: str | None = next(iter(sites), None)
     if effects:
-        at = effects[0].site if effects[0].site in SITES else _site_of_number(effects[0].site)
+        at = SITE_OF_NUMBER.get(effects[0].site, effects[0].site)
     at = curve or at
     train = [trace for trace in shown if trace.role == "train"]
     evidence = {} if latent is None else dict(sorted(latent.evidence.items(), key=lambda item: -item[1]))
@@ -181,11 +190,6 @@ def location_of(
     where = regions(alone, axis) if forces and axis is not None else ()
     likeness = describe(alone, axis) if forces and axis is not None else None
     return Location(at, equation_of(axis), sites, where, when, evidence, forces, likeness)
-
-
-def _site_of_number(name: str) -> str:
-    """The site that a wrong number of the bridge belongs to."""
-    return {"cart_mass": "cart", "load_mass": "swing", "winch_mass": "hoist"}.get(name, "cart")
 
 
 def trials_of(steps: list[Step], refused: Sequence[tuple[Trial, str]]) -> tuple[dict[str, object], ...]:

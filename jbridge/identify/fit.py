@@ -11,7 +11,7 @@ from .base import WINDOW, base_fit, check_runs
 from .evaluate import evaluate, traces
 from .finer import LastFit, fit_finely
 from .result import Fit
-from .setting import make_setting, resolve
+from .setting import make_setting, resolve, with_a_scale
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
 
 
@@ -43,6 +43,8 @@ def fit(
     begun = time.perf_counter()
     notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
     setting = make_setting(model, recordings, holdout)
+    model, told = with_a_scale(model, setting.axes)
+    notes = notes if told is None else (*notes, told)
     for recording in recordings:
         if window is not None and not window >= 10 * recording.period:
             raise InputError(

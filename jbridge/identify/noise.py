@@ -23,6 +23,11 @@ _FEWEST = 10
 """Windows, for an estimate."""
 
 
+LEAST = {"x": 2e-5, "psi": 1.5e-4, "l": 2e-5}
+"""What no channel is met better than [m, rad, m], however exact it is: so far off are a fit's own steps of time. To the
+recordings of a simulation a model would otherwise be wrong by them."""
+
+
 class _Run(NamedTuple):
     times: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -47,10 +52,7 @@ def noise_floor(recordings: Sequence[Recording]) -> dict[str, float]:
             runs.append(_Run(recording.times[fresh], values[fresh], resolution))
             rounding.append(resolution / np.sqrt(12.0))
         if runs:
-            # A channel that is exact, as a simulation's, still needs a scale: a thousandth of a millimetre or a
-            # thousandth of a degree.
-            least = 1e-6 if axis != "psi" else 1.7e-5
-            floor[axis] = max(_scatter(runs), float(np.median(rounding)), least)
+            floor[axis] = max(_scatter(runs), float(np.median(rounding)), LEAST[axis])
     return floor
 
 

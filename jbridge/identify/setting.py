@@ -14,7 +14,7 @@ from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
-from ..model.parameters import ParameterTable
+from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording, constant_inputs
 from .lanes import HISTORY, Batch, make_batch
@@ -32,6 +32,8 @@ _PART_OF = {
     "gravity": "psi",
 }
 """The axis that must move for a number of the bridge to matter."""
+_TRAVEL = 0.05
+"""Way of a cart [m] that no rope takes without swinging."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +71,8 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     }
     axes = tuple(axis for axis in AXES if moving[axis])
     requires(model, axes)
+    _check_sensors(recordings)
+    _check_holdout(model, recordings, holdout)
     still = constant_inputs(tuple(recordings))
     for name, gain in (("u_x", "cart_gain"), ("u_l", "hoist_gain")):
         if name in still and gain not in model.known:
@@ -90,6 +94,81 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
     return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length)
+
+
+def _check_sensors(recordings: Sequence[Recording]) -> None:
+    """Refuses a reading that never changes although what it measures must."""
+    for axis, cause, least, what in (
+        ("x", "u_x", 0.0, "u_x does"),
+        ("psi", "x", _TRAVEL, "the cart moves"),
+        ("l", "u_l", 0.0, "u_l does"),
+    ):
+        seen = [r for r in recordings if getattr(r, axis) is not None]
+        if not seen or any(np.ptp(getattr(r, axis)) > 0 for r in seen):
+            continue
+        for recording in seen:
+            values = getattr(recording, cause)
+            if values is not None and np.ptp(values) > least:
+                raise InputError(
+                    f"{recording.name}, column {axis}: it never changes, although {what}: check the sensor, or leave "
+                    f"the column out ([columns] {axis} = false in the sidecar)"
+                )
+
+
+def _check_holdout(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Refuses a proof that asks for numbers of which no recording tells, and one that is a copy of what it proves."""
+    for part, has, numbers in (
+        ("a cart", "has_cart", ("cart_mass", "cart_gain", "cart_damping")),
+        ("a swing", "has_swing", ("load_mass", "swing_damping")),
+        ("a driven hoist", "has_hoist", ("hoist_gain", "hoist_damping")),
+    ):
+        if any(getattr(r, has) for r in recordings):
+            continue
+        unknown = [name for name in numbers if name not in model.known]
+        for proof in holdout:
+            if getattr(proof, has) and unknown:
+                raise InputError(
+                    f"{proof.name}: {part}, which no other recording has, so {unknown[0]} would be a guess: leave it "
+                    f"out of the proof, add a recording with {part}, or list {', '.join(unknown)} under known"
+                )
+    for proof in holdout:
+        for recording in recordings:
+            if _same_samples(proof, recording):
+                raise InputError(
+                    f"{proof.name}: the same samples as {recording.name}; a proof needs a recording of its own"
+                )
+
+
+def _same_samples(one: Recording, other: Recording) -> bool:
+    pairs = [(getattr(one, name), getattr(other, name)) for name in ("times", "u_x", "u_l", *AXES)]
+    return all(a is b or (a is not None and b is not None and np.array_equal(a, b)) for a, b in pairs)
+
+
+def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
+    """The model with a mass held where nothing else tells how large forces are, and a sentence on that.
+
+    Masses, gains, dampings and levels of friction have a factor in common that no motion shows. If all of them were
+    free, no force could be told from its absence.
+    """
+    table = ParameterTable(model.plant)
+    forces = {
+        entry.group
+        for entry in table.entries
+        if set(entry.unit.replace("/", " ").split()) & {"N", "kg"} and _axis_of(entry) in axes
+    }
+    mass = next((name for name, axis in _PART_OF.items() if name.endswith("_mass") and axis in axes), None)
+    if mass is None or forces & model.known:
+        return model, None
+    told = f"Nothing that is known has a unit of force or mass, so {mass} was taken for known: all forces go with it."
+    return dataclasses.replace(model, known=model.known | {mass}), told
+
+
+def _axis_of(entry: Entry) -> str:
+    return _PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
+
+
+def _site_of(entry: Entry) -> str:
+    return entry.group.split("@", 1)[1].split(".")[0].split("#")[0]
 
 
 def resolve(plant: Plant, length: float) -> Plant:
@@ -116,7 +195,7 @@ def free_places(table: ParameterTable, known: frozenset[str], setting: Setting) 
             if axis not in setting.axes and not (entry.key == "load_mass" and "l" in setting.axes):
                 continue
         else:
-            site = entry.group.split("@", 1)[1].split(".")[0].split("#")[0]
+            site = _site_of(entry)
             # A locked rope's length sensor still tells the length.
             if AXIS_OF_SITE[site] not in setting.axes and site != "l_sensor":
                 continue

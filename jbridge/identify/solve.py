@@ -119,13 +119,17 @@ def bounded_step(
 ) -> NDArray[np.float64]:
     """Damped Gauss-Newton step within bounds, by Newton steps on what is not held there (Bertsekas 1982)."""
     n = len(at)
-    scale = np.maximum(reduced.diagonal, 1e-12 * max(reduced.diagonal.max(initial=0.0), 1e-300))
-    matrix = reduced.matrix + np.diag((damping + 1e-13) * scale)
-    least, most = low - at, high - at
+    # In units in which every parameter alone weighs the same: a belt's 1e4 N/m beside a gain of 1e-3 N/count would
+    # otherwise be below what the solver takes for nothing.
+    unit = np.sqrt(reduced.diagonal)
+    unit = np.maximum(unit, max(1e-18 * unit.max(initial=0.0), 1e-150))
+    matrix = reduced.matrix / np.outer(unit, unit) + (damping + 1e-13) * np.eye(n)
+    gradient = reduced.gradient / unit
+    least, most = (low - at) * unit, (high - at) * unit
     step = np.clip(np.zeros(n), least, most)
     value = 0.0
     for _ in range(2 * n + 2):
-        slope = reduced.gradient + matrix @ step
+        slope = gradient + matrix @ step
         moving = np.flatnonzero(~(((step <= least) & (slope > 0)) | ((step >= most) & (slope < 0))))
         if not len(moving):
             break
@@ -134,14 +138,14 @@ def bounded_step(
         share, before = 1.0, value
         while share > 1e-3:
             trial = np.clip(step + share * newton, least, most)
-            found = float(reduced.gradient @ trial + 0.5 * trial @ matrix @ trial)
+            found = float(gradient @ trial + 0.5 * trial @ matrix @ trial)
             if found < value:
                 step, value = trial, found
                 break
             share *= 0.5
         if not before - value > 1e-10 * abs(value):
             break
-    return step
+    return np.clip(step / unit, low - at, high - at)
 
 
 def solve(

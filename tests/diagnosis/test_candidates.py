@@ -35,6 +35,13 @@ def found_for(setting: Setting, plant: Plant) -> list[Candidate]:
     return candidates(plant, KNOWN, setting, scene_of(setting, plant))
 
 
+def test_every_known_number_but_gravity_may_be_wrong():
+    setting = setting_of(*FULL)
+    known = {*KNOWN, "cart_gain", "cart_damping", "swing_damping", "hoist_damping", "hoist_gain"}
+    found = candidates(make_plant(), known, setting, scene_of(setting, make_plant()))
+    assert {c.site for c in found if c.kind == WRONG_VALUE} == known - {"gravity"}
+
+
 def test_a_whole_bridge_has_a_candidate_for_every_kind_and_site():
     names = {c.name for c in found_for(setting_of(*FULL), make_plant())}
     wanted = {(kind, site) for kind, cls in CATALOGUE.items() for site in cls.sites}

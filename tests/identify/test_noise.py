@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.identify.noise import noise_floor
+from jbridge.identify.noise import LEAST, noise_floor
 from tests.identify.cases import make_recording
 
 TIMES = np.arange(3000) * 0.005
@@ -28,7 +28,7 @@ def test_white_noise(sigma):
 
 
 def test_motion_alone_is_not_noise():
-    assert floor_of(MOTION) < 3e-6
+    assert floor_of(MOTION) == LEAST["x"]
 
 
 def test_rounding_is_noise():
@@ -74,7 +74,7 @@ def test_jerks_do_not_count():
 
 
 def test_an_exact_channel_still_has_a_scale():
-    assert 0 < floor_of(np.linspace(0.0, 1.0, len(TIMES))) < 1e-5
+    assert floor_of(np.linspace(0.0, 1.0, len(TIMES))) == LEAST["x"]
 
 
 def driven(times: np.ndarray, period: float) -> np.ndarray:

@@ -154,6 +154,23 @@ def test_a_bounded_step_is_the_best_within_its_bounds(seed):
     assert gain(step) <= gain(best) + 1e-3 * abs(gain(best))
 
 
+def test_units_do_not_matter_to_a_step():
+    """A stiffness of 1e4 N/m beside a gain in N/count, an offset in metres and a moment: 24 orders of magnitude."""
+    key = np.random.default_rng(1)
+    root = key.standard_normal((4, 4))
+    matrix, gradient = root @ root.T + 0.1 * np.eye(4), key.standard_normal(4)
+    none = np.zeros((0, 4, 4))
+    unit = np.array([1.0, 1e7, 1e-5, 1e3])
+    low, high = np.array([-0.2, -9.0, -9.0, -9.0]), np.full(4, 9.0)
+
+    def step(units):
+        scaled = matrix * np.outer(units, units)
+        given = Reduced(scaled, gradient * units, np.diag(scaled).copy(), none, none[:, 0], none, none[:, 0])
+        return bounded_step(given, np.zeros(4), low / units, high / units, 1e-6) * units
+
+    np.testing.assert_allclose(step(unit), step(np.ones(4)), rtol=1e-6, atol=1e-9)
+
+
 def root_of(matrix):
     return np.linalg.cholesky(matrix).T
 
