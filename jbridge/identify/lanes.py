@@ -24,6 +24,8 @@ HISTORY = 0.6
 _START = 0.15
 """Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
 
+_UNDER_WAY = 0.02
+"""Speed [m/s] from which a recording may begin in motion."""
 _STILL = 4.0
 """Range over noise of a channel's first samples up to which it starts at rest."""
 _REST = 0.5
@@ -195,6 +197,10 @@ def make_batch(
             for place, value in overrides[r].items():
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
+        if not len(known):
+            for k, axis in ((0, 0), (1, 2)):
+                if _under_way(g, axis, initial[i, axis + 3]):
+                    u[i, :earlier, k] = g.u[0, k]
         prior[i, 6:] = np.tile([1 / 2e-3, 1 / 2e-2], hidden)
     # Lanes without content stand still at the first lane's state.
     spare = n - len(cuts)
@@ -235,6 +241,18 @@ def _filled(lanes: int) -> int:
     """A number of lanes from a coarse list, for the same reason."""
     unit = 2 if lanes <= 8 else 8
     return lanes if lanes == 1 else -(-lanes // unit) * unit
+
+
+def _under_way(g: Grid, axis: int, speed: float) -> bool:
+    """Whether a recording begins in motion: then what drives it at the first row has done so before.
+
+    An axis that starts from rest has an average speed over its first moments, and none at their beginning.
+    """
+    rows = np.flatnonzero(g.measured[:, axis] & (g.times <= _START))
+    if not g.active[axis] or len(rows) < 2:
+        return False
+    mean = (g.y[rows[-1], axis] - g.y[rows[0], axis]) / (g.times[rows[-1]] - g.times[rows[0]])
+    return bool(abs(speed) > _UNDER_WAY and speed * mean > 0.5 * mean**2)
 
 
 def _first_state(

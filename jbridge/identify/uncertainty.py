@@ -43,7 +43,12 @@ def covariance(
 
 
 def correlation_time(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
-    """Integrated correlation of residuals in samples, at least 1; up to where it first falls below 0.05."""
+    """Integrated correlation of residuals in samples, at least 1; up to where it first falls below 0.05.
+
+    Each channel's own samples count, also where others were taken more often.
+    """
+    order = np.argsort(~measured, axis=1, kind="stable")
+    residual, measured = (np.take_along_axis(values, order, axis=1) for values in (residual, measured))
     total = 1.0
     scale = float((residual**2).sum())
     if scale <= 0:

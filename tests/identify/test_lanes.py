@@ -113,3 +113,21 @@ def test_a_run_that_begins_at_rest_may_not_be_pushed():
     batch = make_batch([resting, moving], NOISE)
     assert batch.initial[0, 3] == 0.0 and np.isinf(batch.prior[0, 3])
     assert batch.initial[1, 3] == pytest.approx(0.1, abs=0.02) and np.isfinite(batch.prior[1, 3])
+
+
+def test_what_drives_a_rig_that_begins_in_motion_did_so_before():
+    times = even(3.0)
+    rolling = make_recording("rolling.csv", times, u_x=np.full(len(times), 2.0), x=0.2 + 0.3 * times)
+    rest = make_recording("rest.csv", times, u_x=np.full(len(times), 2.0), x=0.2 + 0.0 * times)
+    # From rest through a slow drive: speed and force are zero at first.
+    since = times / 0.1
+    from_rest = make_recording(
+        "from-rest.csv", times, u_x=np.full(len(times), 2.0), x=0.2 + 0.06 * since**3 / (9 + since**2)
+    )
+    u = np.asarray(make_batch([rolling, rest, from_rest], NOISE).lanes.lane.u)
+    earlier = u.shape[1] - np.asarray(make_batch([rolling, rest, from_rest], NOISE).lanes.lane.dt).shape[1]
+    assert earlier > 0 and np.all(u[0, :earlier, 0] == 2.0)
+    assert not u[1, :earlier].any() and not u[2, :earlier].any()
+    # A piece of a recording knows what was before it.
+    piece = make_batch([swing_run(even(4.0)).rows(slice(150, None))], NOISE).lanes.lane
+    np.testing.assert_array_equal(np.asarray(piece.u)[0, earlier - 50 : earlier, 0], swing_run(even(4.0)).u_x[100:150])

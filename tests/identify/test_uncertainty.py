@@ -90,3 +90,17 @@ def test_what_is_not_determined_is_said():
     narrow = np.diag([1e-4, 1e-4, 1e-20])
     (said,) = warnings(TABLE, at_bound, free, narrow)
     assert said == "coulomb_friction@cart.level ended at its bound of 0 N."
+
+
+def test_correlation_is_that_of_each_channels_own_samples():
+    """A camera beside an encoder: every fifth row, and hanging together from one picture to the next."""
+    key = np.random.default_rng(0)
+    slow = np.repeat(key.standard_normal(200), 5)[None, :, None]
+    measured = np.zeros((1, 1000, 1), bool)
+    measured[:, ::5] = True
+    often = np.convolve(key.standard_normal(204), np.full(5, 0.2), "valid")[None, :, None]
+    walk = np.zeros((1, 1000, 1))
+    walk[:, ::5] = often
+    assert correlation_time(np.where(measured, slow, 0.0), measured) < 1.5
+    alone = correlation_time(often, np.ones((1, 200, 1), bool))
+    assert alone > 3.0 and correlation_time(walk, measured) == pytest.approx(alone)
