@@ -61,14 +61,15 @@ def _scatter(runs: Sequence[_Run]) -> float:
 
     Where samples come fast, about parabolas, and the median over all windows, so that jerks and stops do not count.
     Where they come slowly a parabola would take motion for noise: then about polynomials of higher degree, at the
-    quartile of the quieter windows, and the least of several degrees, since motion only ever adds.
+    quartile of the quieter windows, since motion only ever adds; of several degrees, since one quartile is uncertain.
     """
     enough = [run for run in runs if len(run.times) >= 4 * _WINDOW]
     fast = [run for run in enough if (_WINDOW - 1) * np.median(np.diff(run.times)) <= _SHORT]
     if fast:  # recordings of both sorts see the same sensor, these better
         return _spread(fast, _WINDOW, 2, 0.5, 0.0)
     # The quieter windows must not be those at rest, where an encoder flickers between two counts or shows one.
-    return min(_spread(enough, degree + 3, degree, 0.25, 2.0) for degree in _HIGHER) if enough else 0.0
+    each = [_spread(enough, degree + 3, degree, 0.25, 2.0) for degree in _HIGHER] if enough else [0.0]
+    return float(np.median(each))
 
 
 def _spread(runs: Sequence[_Run], window: int, degree: int, quantile: float, counts: float) -> float:

@@ -41,7 +41,7 @@ WEAK = {"gain": 0.9 * NUMBERS["cart_gain"]}
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_hardly_shows_is_named_if_the_hold_out_proves_it(count):
     """Nothing is noticeable in the recordings, and nothing but the hold-out says that there is something to find."""
-    found = diagnosed(slow(3, DRAGGED), fast(count, DRAGGED))
+    found = diagnosed(slow(3, DRAGGED, volts=0.56), fast(count, DRAGGED))
     assert all(channel.ratio < NOTICEABLE for channel in found.adequacy.channels.values())
     assert found.verdict == "missing_physics" and found.adequacy.alarm
     (effect,) = found.effects
