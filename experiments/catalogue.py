@@ -27,8 +27,8 @@ Coulomb friction of the same axis an added friction is written with its smallest
 |---|---|---|---|
 """
 FOOT = """
-Besides these a diagnosis weighs `wrong_value`, whose site is the name of a known number: a mass, a damping or a gain of the
-bridge.
+Besides these a diagnosis weighs `wrong_value`, whose site is the name of a known number: a mass, a damping or a gain
+of the bridge.
 """
 UNITS = {
     "x": {"force": "N", "position": "m", "speed": "m/s"},

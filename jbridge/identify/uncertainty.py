@@ -48,7 +48,7 @@ def correlation_time(residual: NDArray[np.float64], measured: NDArray[np.bool_])
     Each channel's own samples count, also where others were taken more often.
     """
     order = np.argsort(~measured, axis=1, kind="stable")
-    residual, measured = (np.take_along_axis(values, order, axis=1) for values in (residual, measured))
+    residual, measured = np.take_along_axis(residual, order, axis=1), np.take_along_axis(measured, order, axis=1)
     total = 1.0
     scale = float((residual**2).sum())
     if scale <= 0:
