@@ -190,7 +190,7 @@ HALVES["fresh"] = [
     "cart coulomb_friction cart", "full saturation cart_drive closed", "full rope_elasticity hoist",
     *_several(24, 2)[::5],
     *_several(10, 3)[2::5],
-    *NULLS[1::3],
+    *NULLS[1::2],
     *(f"{line} at 48" for line in BEYOND[1::3]),
     *(f"full {name} at 12" for name in AMBIGUOUS[2::3]),
 ]  # fmt: skip
