@@ -117,8 +117,8 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
     left.set(xlabel="probability given to the first name", ylabel="share right")
     left.set_title(f"{len(told)} verdicts that name an effect with a probability")
     left.legend(loc="upper center", ncols=2, frameon=False, fontsize=8)
-    larger = [r for half in ("wide", "fresh") for r in halves.get(half, {"rows": []})["rows"]]
-    rows = [r for r in larger if r["true"] and r["before"] is not None]
+    larger = [half for half in ("wide", "fresh") if half in halves]
+    rows = [r for half in larger for r in halves[half]["rows"] if r["true"] and r["before"] is not None]
     seen, exact, spans = [], [], []
     for i, (low, high) in enumerate(SEVERITIES):
         here = [r for r in rows if low <= r["before"] < high]
@@ -131,7 +131,7 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
     right.set_xticks(range(len(spans)), spans)
     right.set(xlim=(-0.5, len(spans) - 0.5), ylim=(-0.2, 1.12), yticks=whole, ylabel="share, 95 % Wilson interval")
     right.set_xlabel("hold-out error of the model without the effect, over the noise")
-    right.set_title(f"wide and fresh, {len(rows)} cases that lack something")
+    right.set_title(f"{' and '.join(larger)}, {len(rows)} cases that lack something")
     right.legend(loc="lower center", ncols=2, frameon=False, fontsize=8)
     figure.savefig(path, dpi=130, metadata={"Software": None})
     plt.close(figure)

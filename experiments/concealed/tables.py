@@ -27,6 +27,7 @@ def groups(rows: list[dict]) -> dict[str, list[dict]]:
     return {
         "null": [r for r in rows if r["true_verdict"] == "adequate"],
         "visible": [r for r in rows if r["true"] and (r["before"] or 0.0) >= 5.0],
+        "nameable": [r for r in catalogued if (r["before"] or 0.0) >= 5.0],
         "concealed": [r for r in rows if r["true"]],
         "single": [r for r in catalogued if len(r["true"]) == 1],
         "double": [r for r in catalogued if len(r["true"]) == 2],
@@ -60,7 +61,6 @@ def _percent(values: list, middle: bool = True) -> str:
 def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
     """Rows of the table: measure, aim, result."""
     g = groups(rows)
-    visible = [r for r in g["visible"] if r["true_verdict"] == "missing_physics"]
     errors, covered = _numbers(rows, "parameters")
     rig_errors, rig_covered = _numbers(rows, "bridge")
     gaps = [r["gap_closed"] for r in g["catalogued"] if r["gap_closed"] is not None]
@@ -73,7 +73,7 @@ def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
             share(g["visible"], "detected"),
         ),
         ("right equation, there", ">= 97 %", share(g["visible"], "equation_right")),
-        ("exact set, there, where it has a name", "", share(visible, "set_right")),
+        ("exact set, there, where it has a name", "", share(g["nameable"], "set_right")),
         ("right equation, of all sizes", ">= 97 %", share(g["concealed"], "equation_right")),
         (
             "right effect, or its declared equivalent, named first, one missing",
@@ -125,7 +125,7 @@ FRESH = "; `fresh` was run once, by one version"
 
 
 def brief(halves: dict[str, dict]) -> str:
-    """The five measures that matter most to an owner, in markdown."""
+    """The measures that matter most to an owner, in markdown."""
     measures = {
         "cases": lambda rows: str(len(rows)),
         "verdict right": lambda rows: share(rows, "verdict_right"),
@@ -133,9 +133,7 @@ def brief(halves: dict[str, dict]) -> str:
         "something is missing that leaves 5 times the noise: seen": lambda rows: share(
             groups(rows)["visible"], "detected"
         ),
-        "... and exactly the right names, where it has one": lambda rows: share(
-            [r for r in groups(rows)["visible"] if r["true_verdict"] == "missing_physics"], "set_right"
-        ),
+        "... and exactly the right names, where it has one": lambda rows: share(groups(rows)["nameable"], "set_right"),
         "missing physics was named: exactly the right names": lambda rows: share(
             [r for r in rows if r["verdict"] == "missing_physics"], "set_right"
         ),

@@ -9,18 +9,10 @@ from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
-from tests.identify.cases import NOISE, make_recording
+from tests.identify.cases import FULL, NOISE, TIMES, make_recording
 from tests.problems import make_plant
 
 KNOWN = frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"})
-TIMES = np.arange(400) * 0.01
-FULL = {
-    "u_x": np.sin(3 * TIMES),
-    "u_l": np.cos(2 * TIMES),
-    "x": 0.5 + 0.2 * np.sin(TIMES),
-    "psi": 0.1 * np.sin(4 * TIMES),
-    "l": 0.6 + 0.1 * np.cos(TIMES),
-}
 
 
 def setting_of(*channels: str) -> Setting:

@@ -15,6 +15,15 @@ from tests.problems import CART_ALONE, NUMBERS, make_lane, make_plant, make_stat
 
 NOISE = {"x": 4e-5, "psi": 6.4e-4, "l": 4e-5}
 """Noise of the rig's encoders [m, rad, m]."""
+TIMES = np.arange(400) * 0.01
+FULL = {
+    "u_x": np.sin(3 * TIMES),
+    "u_l": np.cos(2 * TIMES),
+    "x": 0.5 + 0.2 * np.sin(TIMES),
+    "psi": 0.1 * np.sin(4 * TIMES),
+    "l": 0.6 + 0.1 * np.cos(TIMES),
+}
+"""A whole bridge that moves on every axis, as formulas: what a recording has, and no dynamics."""
 DRY = ("coulomb_friction", "cart", {"level": 3.5})
 
 

@@ -8,17 +8,9 @@ import pytest
 from jbridge.errors import InputError
 from jbridge.identify.setting import make_setting, with_a_scale
 from jbridge.model.files import Model
-from tests.identify.cases import DRY, make_recording
+from tests.identify.cases import DRY, FULL, TIMES, make_recording
 from tests.problems import make_plant
 
-TIMES = np.arange(400) * 0.01
-FULL = {
-    "u_x": np.sin(3 * TIMES),
-    "u_l": np.cos(2 * TIMES),
-    "x": 0.5 + 0.2 * np.sin(TIMES),
-    "psi": 0.1 * np.sin(4 * TIMES),
-    "l": 0.6 + 0.1 * np.cos(TIMES),
-}
 GIVEN = frozenset({
     "cart_mass", "load_mass", "winch_mass", "gravity", "cart_damping", "swing_damping", "hoist_damping", "cart_gain",
     "hoist_gain",
