@@ -19,7 +19,7 @@ from .collect import AbstractCollector, Everything
 from .inputs import INSTANT, Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.drives import ActuatorLag
-from .model.effects.flexible import DoublePendulum, RopeElasticity
+from .model.effects.flexible import Backlash, DoublePendulum, RopeElasticity
 from .model.effects.friction import PreslidingFriction
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
@@ -72,8 +72,10 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
     q = Motion(initial[0], initial[1], jnp.where(active.l > 0, initial[2], length))
     v = Motion(initial[3], initial[4], initial[5])
     k = 6
-    if plant.drive_train is not None:
-        q, v = q._replace(motor=q.x + initial[k]), v._replace(motor=v.x + initial[k + 1])
+    train = plant.drive_train
+    if train is not None:
+        apart = folded(initial[k], 0.5 * train.gap) if isinstance(train, Backlash) else initial[k]
+        q, v = q._replace(motor=q.x + apart), v._replace(motor=v.x + initial[k + 1])
         k += 2
     if plant.only(RopeElasticity) is not None:
         q, v = q._replace(loaded=q.l + plant.stretch() + initial[k]), v._replace(loaded=v.l + initial[k + 1])
@@ -81,6 +83,12 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
     if plant.only(DoublePendulum) is not None:
         q, v = q._replace(phi=q.psi + initial[k]), v._replace(phi=v.psi + initial[k + 1])
     return q, v
+
+
+def folded(value: Scalar, most: Scalar) -> Scalar:
+    """A value kept within `most` of 0 by reflection at either end, so that a fit finds a slope wherever it looks."""
+    turned = jnp.mod(value + most, 4.0 * most)
+    return most - jnp.abs(turned - 2.0 * most)
 
 
 def rollout(
@@ -154,6 +162,7 @@ class _Part(NamedTuple):
     reach: Scalar | float
     """How far from the step's beginning the next stage is, as a share of the step."""
     volts: Axes
+    lead: Scalar | float
 
 
 class _Stage(NamedTuple):
@@ -284,7 +293,9 @@ def advance(
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             begun = (carry.q, carry.v)
-            a = _acceleration(plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push)
+            a = _acceleration(
+                plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push, part.lead
+            )
             a = materialise(a, go)
             z = at.z
             if presliding is not None and carry.z is not None:
@@ -297,7 +308,7 @@ def advance(
         nodes, weights, leads = method.nodes, method.weights, method.leads
         reaches = (*nodes[1:], 0.0)
         volts = [volts_at(lead) for lead in leads]
-        parts = [_Part(*numbers) for numbers in zip(nodes, weights, reaches, volts, strict=True)]
+        parts = [_Part(*numbers) for numbers in zip(nodes, weights, reaches, volts, leads, strict=True)]
         if reverse:
             rows = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf, h.dtype) for leaf in leaves]), *parts)
             at, _ = jax.lax.scan(jax.checkpoint(stage), at, rows)
@@ -329,7 +340,7 @@ def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: A
     held = Axes(*(jnp.where(c > 0, s, g[0]) for c, s, g in zip(constants, carry.lag, now.mean, strict=True)))
     more = Axes(*(h + jnp.where(c > 0, 0.0, i) for c, h, i in zip(constants, held, impulse, strict=True)))
     before, after = (
-        _acceleration(plant, now.t[0], carry.q, carry.v, volts, carry.z, active, (carry.q, carry.v), at_once, go, None)
+        _acceleration(plant, now.t[0], carry.q, carry.v, volts, carry.z, active, (carry.q, carry.v), at_once, go)
         for volts in (held, more)
     )
     # A lag takes the impulse up first.

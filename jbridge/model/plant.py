@@ -2,13 +2,8 @@
 
 Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
 elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
-masses of their own; only the hook's angle enlarges the coupled mass matrix.
-
-Friction that sticks: over a step friction is the mean of what Coulomb's law gives while the axis slides from the
-step's first velocity, and of what holds it (or breaks away) from the instant at which it comes to rest. For a steady
-drive that mean is exact, so a stop or a reversal costs no order of accuracy; stuck is stuck, sliding is exactly
-Coulomb, and the share of the step that slides carries the gradient of the instant of the event. The axes (and a
-play's contact) feel each other's friction through the inverse mass matrix, so they are swept twice, Gauss-Seidel.
+masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks and what meets is decided over
+a whole step (`dry`).
 """
 
 from collections.abc import Iterator
@@ -22,6 +17,7 @@ from .._math import materialise, sincos
 from .._programs import returned
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
+from .dry import Play, Rows, friction, friction_with_play
 from .effects.base import (
     AXIS_OF_SITE,
     AbstractDamping,
@@ -33,10 +29,6 @@ from .effects.base import (
 from .effects.drives import ActuatorLag, DrumRadiusChange
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
 from .effects.friction import PreslidingFriction
-
-_SWEEPS = 2
-_CONTACT_RELAXATION = 20.0
-"""What has sunk into a play's contact comes out over this many steps: slow enough not to bounce."""
 
 E = TypeVar("E", bound=AbstractEffect)
 
@@ -180,6 +172,7 @@ class Plant(eqx.Module):
         h: Scalar,
         go: Array,
         push: Push | None = None,
+        lead: Scalar | float = 0.0,
     ) -> Motion:
         """Accelerations of all coordinates [m/s^2, rad/s^2].
 
@@ -193,6 +186,7 @@ class Plant(eqx.Module):
             h: length of the step [s]; the mean friction over it is used.
             go: true, for `materialise`.
             push: forces and friction levels to add.
+            lead: the stage's, see `rollout.Method`.
         """
         train, rope, hook = self.drive_train, self.only(RopeElasticity), self.only(DoublePendulum)
         b = self.bridge
@@ -255,44 +249,24 @@ class Plant(eqx.Module):
         w = ((w_x, w_xp, w_xl), (w_xp, inv.pp, w_pl), (w_xl, w_pl, w_l))
         w, rest, inv, free, positive, negative = materialise((w, rest, inv, free, positive, negative), go)
         rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
-        contact = train if isinstance(train, Backlash) else None
-        f = [jnp.zeros_like(q.x)] * 3
-        thrust = jnp.zeros_like(q.x)
-        # The contact's force on (motor, swing, winch) rows and back, and on itself.
         moving = first[1].at_drives()
-        if contact is not None:
-            # Judged like friction, over the step: of the speed of approach, what still fits into the play is left at
-            # the step's end, on the side to which the play is going; what has sunk in comes out slowly.
-            play, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
-            side = jnp.where(play + h * rate < 0, -1.0, 1.0)
-            depth = side * play - 0.5 * contact.gap
-            step = jnp.where(h > 0, h, 1.0)
-            allowed = -depth / step * jnp.where(depth < 0, 1.0, 1.0 / _CONTACT_RELAXATION)
-            slowing = (side * rate - allowed) / step
+        rows = Rows(rest, w, moving, positive, negative)
+        if isinstance(train, Backlash):
+            apart, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
+            nearing = rest.x - free.x
+            side = jnp.where(apart + h * rate + 0.5 * h * h * nearing < 0, -1.0, 1.0)
             u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
-            w_contact = w_x + inv.xx
-        for _ in range(_SWEEPS):
-            if contact is not None:
-                # Acceleration of approach without the contact, friction at its current values.
-                a_free = side * (rest.x + w_x * f[0] - free.x - inv.xp * f[1] - u[2] * side * f[2])
-                thrust = jnp.maximum((a_free + slowing) / (w_contact + _TINY), 0.0)
-            for i in range(3):
-                if not rubbing[i]:
-                    continue
-                a_free = rest[i]
-                for j in range(3):
-                    if j != i and rubbing[j]:
-                        a_free = a_free + w[i][j] * f[j]
-                if contact is not None:
-                    a_free = a_free + u[i] * thrust
-                friction = _mean_friction(moving[i], a_free, w[i][i], positive[i], negative[i], h)
-                f[i] = materialise(friction, go)
+            play = Play(side, 0.5 * train.gap - side * apart, side * rate, side * nearing, u, w_x + inv.xx + _TINY)
+            f, thrust, more = friction_with_play(rows, play, rubbing, h, lead, go)
+            thrust = side * (thrust + more)
+        else:
+            f, thrust = friction(rows, rubbing, h, go), None
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
-        if contact is not None:
-            f_block = f_block._replace(x=f_block.x + side * thrust)
+        if thrust is not None:
             assert a_motor is not None
-            a_motor = a_motor - side * thrust * w_x
+            f_block = f_block._replace(x=f_block.x + thrust)
+            a_motor = a_motor - thrust * w_x
         change = inv @ f_block
         a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
         if to_phi is not None and a_phi is not None:
@@ -308,28 +282,7 @@ class Plant(eqx.Module):
 
 
 _TINY = 1e-30
-"""Keeps finite the friction of a locked axis, whose inverse mass is 0, and that of a step of no length."""
-
-
-def _mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:
-    """Coulomb's friction averaged over a step.
-
-    Args:
-        v: velocity at the step's beginning.
-        a_free: the axis' acceleration without its own friction.
-        w: its inverse effective mass, 0 if it is locked.
-        up, down: levels against positive and against negative motion.
-        h: length of the step [s].
-    """
-    needed = -a_free / (w + _TINY)
-    # Written out, because a clip between equal bounds has no gradient towards them.
-    holding = jnp.where(needed < -up, -up, jnp.where(needed > down, down, needed))
-    sliding = jnp.where(v > 0, -up, down)
-    a_sliding = a_free + w * sliding
-    slows = v * a_sliding < 0
-    slowed_by = jnp.where(slows, a_sliding, 1.0) * (h + _TINY)
-    share = jnp.where(slows, jnp.minimum(-v / slowed_by, 1.0), jnp.where(v == 0, 0.0, 1.0))
-    return holding + share * (sliding - holding)
+"""Keeps finite the contact of a cart that is fixed."""
 
 
 def _with_hook(
