@@ -80,11 +80,11 @@ def friction(rows: Rows, rubbing: Sequence[bool], h: Scalar, go: Array) -> list[
 
 def friction_with_play(
     rows: Rows, play: Play, rubbing: Sequence[bool], h: Scalar, lead: Scalar | float, go: Array
-) -> tuple[list[Scalar], Scalar, Scalar]:
+) -> tuple[list[Scalar], Scalar]:
     """The same beside a play whose sides meet inelastically.
 
-    Friction is solved for twice, with the play open and with its sides moving as one, for a motor that friction holds
-    carries any thrust, which sweeps between the two would approach but slowly.
+    Where they meet within the step, friction is that of the axes before and after. From then on the sides move as one:
+    a motor that friction holds carries any thrust, which sweeps between friction and thrust would approach but slowly.
 
     Args:
         rows, rubbing, h, go: see `friction`.
@@ -92,29 +92,43 @@ def friction_with_play(
         lead: see `rollout.Method`.
 
     Returns:
-        Friction of each row; the contact's thrust, as its plain mean; and how much of (early - plain) comes on top.
+        Friction of each row, and the contact's thrust.
     """
-    step = jnp.where(h > 0, h, 1.0)
     u, w = play.u, play.w
     opened = friction(rows, rubbing, h, go)
-    rest = tuple(a + b * (play.rate / step + play.rest) / w for a, b in zip(rows.rest, u, strict=True))
-    matrix = [[rows.w[i][j] - u[i] * u[j] / w for j in range(3)] for i in range(3)]
-    closed = friction(rows._replace(rest=rest, w=matrix), rubbing, h, go)
-    a_open, a_closed = (play.rest - sum(b * c for b, c in zip(u, f, strict=True)) for f in (opened, closed))
+    a_open = _approach(play, opened)
     meets = play.rate * h + 0.5 * h * h * a_open > play.left
-    # How much of the step is left when they meet, to be met from a distance with a speed.
+    # Until they meet, from a distance with a speed.
     ahead = jnp.where(meets & (play.left > 0), play.left, 0.0)
     squared = play.rate * play.rate + 2.0 * a_open * ahead
     speed = play.rate + jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-    time = jnp.where(speed > 0, 2.0 * ahead / jnp.where(speed > 0, speed, 1.0), 0.0)
-    after = jnp.maximum(h - time, 0.0)
-    # What pulls them apart again does so from then on.
-    parting = jnp.minimum(a_closed, 0.0) * after
-    plain = (play.rate / step + a_closed - parting / step) / w
-    early = 2.0 * (play.rate / step + 0.5 * a_closed - (play.left + 0.5 * parting * after) / (step * step)) / w
-    plain, early = (jnp.where(meets, jnp.maximum(thrust, 0.0), 0.0) for thrust in (plain, early))
-    f = [jnp.where(meets, b, a) for a, b in zip(opened, closed, strict=True)]
-    return f, plain, lead * (early - plain)
+    before = jnp.minimum(jnp.where(speed > 0, 2.0 * ahead / jnp.where(speed > 0, speed, 1.0), 0.0), h)
+    after = h - before
+    alone = friction(rows, rubbing, before, go)
+    a_alone = _approach(play, alone)
+    # What speed is left is taken off by an impulse.
+    impulse = jnp.maximum(play.rate + before * a_alone, 0.0) / w
+    moving = []
+    for i in range(3):
+        a = rows.rest[i] + sum(rows.w[i][j] * alone[j] for j in range(3))
+        moving.append(rows.moving[i] + before * a + impulse * u[i])
+    rest = [a + b * play.rest / w for a, b in zip(rows.rest, u, strict=True)]
+    coupled = [[rows.w[i][j] - u[i] * u[j] / w for j in range(3)] for i in range(3)]
+    one = friction(rows._replace(rest=rest, w=coupled, moving=moving), rubbing, after, go)
+    a_one = _approach(play, one)
+    step = jnp.where(h > 0, h, 1.0)
+    share = after / step
+    f = [jnp.where(meets, share * c + (1.0 - share) * b, a) for a, b, c in zip(opened, alone, one, strict=True)]
+    plain = impulse / step + share * jnp.maximum(a_one, 0.0) / w
+    # At the step's end they touch, or are as far apart as what pulls them apart has brought them since.
+    apart = 0.5 * jnp.minimum(a_one, 0.0) * after * after
+    early = 2.0 * (play.rate / step + 0.5 * _approach(play, f) - (play.left + apart) / (step * step)) / w
+    return f, jnp.where(meets, plain + lead * (early - plain), 0.0)
+
+
+def _approach(play: Play, f: Sequence[Scalar]) -> Scalar:
+    """Acceleration of the play's sides towards each other under friction, without thrust."""
+    return play.rest - sum(a * b for a, b in zip(play.u, f, strict=True))
 
 
 def mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar, h: Scalar) -> Scalar:

@@ -257,8 +257,8 @@ class Plant(eqx.Module):
             side = jnp.where(apart + h * rate + 0.5 * h * h * nearing < 0, -1.0, 1.0)
             u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
             play = Play(side, 0.5 * train.gap - side * apart, side * rate, side * nearing, u, w_x + inv.xx + _TINY)
-            f, thrust, more = friction_with_play(rows, play, rubbing, h, lead, go)
-            thrust = side * (thrust + more)
+            f, thrust = friction_with_play(rows, play, rubbing, h, lead, go)
+            thrust = side * thrust
         else:
             f, thrust = friction(rows, rubbing, h, go), None
         zero = jnp.zeros_like(q.x)
