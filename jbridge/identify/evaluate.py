@@ -1,4 +1,7 @@
-"""How well a model meets recordings: free runs and windows, each from a state estimated over its first half second."""
+"""How well a model meets recordings: free runs and windows, each from a state estimated over its first half second.
+
+Beside a play it is longer, until the cart has moved enough to tell where in the play the motor was.
+"""
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
@@ -19,9 +22,6 @@ from .linearise import Engine
 from .result import Errors, Trace
 from .setting import Setting, lanes_for
 from .solve import solve
-
-START = 0.5
-"""Time from which an initial state is estimated [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,9 +101,9 @@ def _simulate(
 
 
 def early(batch: Batch) -> Lanes:
-    """A batch's lanes with what tells of their starts alone: nothing after the first half second counts."""
+    """A batch's lanes with what tells of their starts alone: nothing after that counts."""
     times = np.concatenate([np.zeros((batch.count, 1)), np.cumsum(np.asarray(batch.lanes.lane.dt), axis=1)], axis=1)
-    weight = jnp.where((times <= START)[:, :, None], batch.lanes.weight, 0.0)
+    weight = jnp.where((times <= batch.told[:, None])[:, :, None], batch.lanes.weight, 0.0)
     return eqx.tree_at(lambda lanes: lanes.weight, batch.lanes, weight)
 
 

@@ -21,6 +21,8 @@ from ..recordings import Recording
 
 HISTORY = 0.6
 """Time before a lane [s] whose inputs a delay or a lag still feels, unless a model has longer ones."""
+_TOLD = 0.5
+"""Time that tells of an initial state [s]."""
 _START = 0.15
 """Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
 
@@ -118,6 +120,8 @@ class Batch:
     """One over the standard deviation of each initial value about the first guess; infinite where it is fixed."""
     recording: NDArray[np.int64]
     """Index of each lane's recording; -1 for a lane without content, which only fills up the shape."""
+    told: NDArray[np.float64]
+    """How long from its beginning each lane tells of its initial state [s]."""
     grids: tuple[Grid, ...]
     substeps: int
 
@@ -135,6 +139,7 @@ def make_batch(
     size: int = 0,
     overrides: Sequence[Mapping[int, float]] = (),
     hidden: int = 0,
+    play: float = 0.0,
     substeps: int | None = None,
     history: float = HISTORY,
     like: "Batch | None" = None,
@@ -149,6 +154,7 @@ def make_batch(
         size: number of parameters, for per-recording overrides.
         overrides: for each recording, parameter values by place in the parameter vector.
         hidden: number of hidden coordinates of the plant.
+        play: free play between motor and cart [m]. Where in it the motor stands shows once the cart has moved by more.
         substeps: integration steps in each interval; by default from `step`.
         history: time before a lane [s] whose inputs still count.
         like: a batch whose shape to take if there is room in it, so that its program serves this one, too.
@@ -180,6 +186,7 @@ def make_batch(
     y, weight = np.zeros((n, longest + 1, 3)), np.zeros((n, longest + 1, 3))
     at, to = np.zeros((n, size)), np.zeros((n, size))
     initial, prior = np.zeros((n, 6 + 2 * hidden)), np.zeros((n, 6 + 2 * hidden))
+    told = np.full(n, _TOLD)
     scale = np.array([1.0 / sigma[axis] if axis in sigma else 0.0 for axis in AXES])
     for i, (r, a, b) in enumerate(cuts):
         g = grids[r]
@@ -197,6 +204,8 @@ def make_batch(
             for place, value in overrides[r].items():
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
+        if play > 0.0:
+            told[i] += _moves(g, a, b, play + _STILL * sigma.get("x", 0.0))
         if not len(known):
             for k, axis in ((0, 0), (1, 2)):
                 if _under_way(g, axis, initial[i, axis + 3]):
@@ -216,6 +225,7 @@ def make_batch(
         initial,
         prior,
         np.array([r for r, _, _ in cuts]),
+        told,
         grids,
         substeps,
     )
@@ -241,6 +251,13 @@ def _filled(lanes: int) -> int:
     """A number of lanes from a coarse list, for the same reason."""
     unit = 2 if lanes <= 8 else 8
     return lanes if lanes == 1 else -(-lanes // unit) * unit
+
+
+def _moves(g: Grid, a: int, b: int, far: float) -> float:
+    """Time from sample `a` at which the cart has gone so far [s]; 0 where it never does before sample `b`."""
+    rows = np.flatnonzero(g.measured[a : b + 1, 0]) + a
+    gone = rows[np.abs(g.y[rows, 0] - g.y[rows[:1], 0]) > far]
+    return float(g.times[gone[0]] - g.times[a]) if len(gone) else 0.0
 
 
 def _under_way(g: Grid, axis: int, speed: float) -> bool:

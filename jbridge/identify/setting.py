@@ -12,6 +12,7 @@ from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
+from ..model.effects.flexible import Backlash
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
@@ -220,7 +221,7 @@ def lanes_for(
     like: Batch | None = None,
 ) -> Batch:
     """Lanes of recordings for a plant, with steps as its stiffness needs them."""
-    hidden = len(plant.mechanisms)
+    hidden, play = len(plant.mechanisms), plant.only(Backlash)
     return make_batch(
         recordings,
         setting.noise,
@@ -230,6 +231,7 @@ def lanes_for(
         size=table.size,
         overrides=overrides(table, recordings),
         hidden=hidden,
+        play=0.0 if play is None else float(play.gap),
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         like=like,
