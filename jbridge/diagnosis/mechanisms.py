@@ -60,6 +60,7 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
         if seeds[0].kind in _RINGS:
             more = [*seeds, *stiffer(seeds)]
             begin = np.array([seed.set(engine.table, vector) for seed in more])
+            plant = engine.table.unravel(begin[-1])  # the stiffest sets the step
             short = lanes_for(engine.table, plant, search.setting, few, _SHORT)
             width = columns_for(len(places))
             found = solve(engine, short, begin, [places] * len(more), columns=width, iterations=8, tolerance=1e-2)

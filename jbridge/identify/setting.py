@@ -1,6 +1,7 @@
 """A model and recordings made ready for fits: which parameters are free, the noise, the lanes."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
-from ..model.effects.flexible import Backlash
+from ..model.effects.flexible import Backlash, BeltCompliance
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
@@ -33,6 +34,12 @@ _PART_OF = {
     "gravity": "psi",
 }
 """The axis that must move for a number of the bridge to matter."""
+_STEP = 0.0051
+"""Longest integration step of the rigid bridge [s]."""
+_TURN = 0.42
+"""Angle [rad] by which a belt's ringing may go on in one step,"""
+_HALVINGS = 3
+"""and how often a step is halved at most for that."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
@@ -225,8 +232,7 @@ def lanes_for(
     return make_batch(
         recordings,
         setting.noise,
-        # A belt that swings at 200 rad/s needs twice the steps of the rigid bridge.
-        step=0.0026 if hidden else 0.0051,
+        step=_longest_step(plant),
         window=window,
         size=table.size,
         overrides=overrides(table, recordings),
@@ -236,6 +242,22 @@ def lanes_for(
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         like=like,
     )
+
+
+def _longest_step(plant: Plant) -> float:
+    """Longest integration step [s]: two to five milliseconds, and less where a belt rings fast.
+
+    Without friction its ringing is met in closed form. Friction that stops and turns the motor as it rings is not.
+    """
+    if not plant.mechanisms:
+        return _STEP
+    belt = plant.only(BeltCompliance)
+    if belt is None:
+        return 0.5 * _STEP
+    motor, whole = float(belt.motor_mass), float(plant.bridge.cart_mass)
+    fast = math.sqrt(float(belt.stiffness) / motor + float(belt.stiffness) / max(whole - motor, 1e-3 * motor))
+    halvings = math.ceil(math.log2(max(_STEP * fast / _TURN, 2.0)))  # few different ones: each is a program
+    return _STEP / 2 ** min(halvings, _HALVINGS)
 
 
 def _memory(plant: Plant) -> float:

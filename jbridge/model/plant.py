@@ -2,8 +2,8 @@
 
 Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
 elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
-masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks and what meets is decided over
-a whole step (`dry`).
+masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks, what
+meets and what rings between motor and cart is decided over a whole step (`dry`, `drive_train`).
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,8 @@ from .._math import materialise, sincos
 from .._programs import returned
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
-from .dry import Play, Rows, friction, friction_with_play
+from .drive_train import Sides, through_belt, through_play
+from .dry import Rows, friction
 from .effects.base import (
     AXIS_OF_SITE,
     AbstractDamping,
@@ -221,10 +222,6 @@ class Plant(eqx.Module):
             tension = rope.stiffness * (load_q.l - q.l) + rope.damping * (load_v.l - v.l)
             f_l = f_l - tension
             at_l = at_l + tension
-        if isinstance(train, BeltCompliance):
-            belt = train.stiffness * (q.at_drives().x - q.x) + train.damping * (v.at_drives().x - v.x)
-            f_x = f_x + belt
-            at_x = at_x - belt
 
         if hook is None:
             inv = inverse(m, block)
@@ -251,16 +248,18 @@ class Plant(eqx.Module):
         rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
         moving = first[1].at_drives()
         rows = Rows(rest, w, moving, positive, negative)
-        if isinstance(train, Backlash):
-            apart, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
-            nearing = rest.x - free.x
-            side = jnp.where(apart + h * rate + 0.5 * h * h * nearing < 0, -1.0, 1.0)
-            u = (-side * w_x, side * inv.xp, side * inv.xl if rope is None else jnp.zeros_like(inv.xl))
-            play = Play(side, 0.5 * train.gap - side * apart, side * rate, side * nearing, u, w_x + inv.xx + _TINY)
-            f, thrust = friction_with_play(rows, play, rubbing, h, lead, go)
-            thrust = side * thrust
+        thrust = None
+        if train is None:
+            f = friction(rows, rubbing, h, go)
         else:
-            f, thrust = friction(rows, rubbing, h, go), None
+            u = (-w_x, inv.xp, inv.xl if rope is None else jnp.zeros_like(inv.xl))
+            apart, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
+            sides = Sides(apart, rate, rest.x - free.x, u, w_x + inv.xx + _TINY)
+            if isinstance(train, Backlash):
+                f, thrust = through_play(rows, sides, train.gap, rubbing, h, lead, go)
+            else:
+                drag = b.cart_damping * w_x, v.at_drives().x - v.x
+                f, thrust = through_belt(rows, sides, (train.stiffness, train.damping), drag, rubbing, h, lead, go)
         zero = jnp.zeros_like(q.x)
         f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
         if thrust is not None:
@@ -282,7 +281,7 @@ class Plant(eqx.Module):
 
 
 _TINY = 1e-30
-"""Keeps finite the contact of a cart that is fixed."""
+"""Keeps finite the thrust on a cart that is fixed."""
 
 
 def _with_hook(

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.linalg
 import sympy as sp
 
 from jbridge.rollout import MIDPOINT, RK4, initial_motion, rollout
@@ -134,7 +135,8 @@ def test_mechanism_against_euler_lagrange(kind, active):
         hidden_q: list = [*at[:3], None, None, None]
         hidden_v: list = [*rates[:3], None, None, None]
         hidden_q[places[slot]], hidden_v[places[slot]] = at[3], rates[3]
-        a = accelerate(plant, motion(*hidden_q), motion(*hidden_v), axes(volts[0], 0, volts[1]), axes(*active))
+        given = (motion(*hidden_q), motion(*hidden_v), axes(volts[0], 0, volts[1]), axes(*active))
+        a = accelerate(plant, *given, h=1e-13)  # a belt's thrust is its mean over a step
         ours = np.array([*a.axes, getattr(a, slot)])
         np.testing.assert_allclose(ours, expected, rtol=RELATIVE, atol=RELATIVE * np.max(np.abs(expected)))
 
@@ -289,6 +291,40 @@ def test_play_loses_energy_and_keeps_momentum_under_a_swinging_load():
     assert np.ptp(momentum) < 1e-6 * momentum[0]
     assert energy[0] - energy[-1] > 0.03
     assert np.max(np.diff(energy)) < 1e-6 * (energy[0] - energy[-1])
+
+
+BELTS = {
+    "rings": (68146.0, 12.0),
+    "rings within a step": (2e6, 60.0),
+    "creeps": (2000.0, 900.0),
+    "creeps at once": (2000.0, 1e5),
+}
+
+
+@pytest.mark.parametrize("method", [pytest.param(RK4, id="RK4"), pytest.param(MIDPOINT, id="MIDPOINT")])
+@pytest.mark.parametrize("name", BELTS)
+def test_belt_in_closed_form(name, method):
+    """Motor and cart on a belt of any stiffness, one step in 5 ms, against the equations' matrix exponential."""
+    stiffness, damping = BELTS[name]
+    pull = np.array([[-1.0, 1.0], [1.0, -1.0]]) / np.array([[CART], [MOTOR]])
+    system = np.zeros((5, 5))  # cart, motor, their speeds, and the force
+    system[:2, 2:4] = np.eye(2)
+    system[2:4, :2], system[2:4, 2:4] = stiffness * pull, damping * pull
+    system[3, 4] = 1.0 / MOTOR
+    onward = scipy.linalg.expm(system * PERIOD)
+    volts = np.repeat(np.random.default_rng(3).uniform(-2, 2, 20), 10)
+    at = np.array([0.0, 4e-4, 0.1, 0.15, 0.0])
+    expected = [at[:2]]
+    for u in volts:
+        at[4] = 16.0 * u
+        at = onward @ at
+        expected.append(at[:2])
+    belt = ("belt_compliance", "cart", {"stiffness": stiffness, "damping": damping, "motor_mass": MOTOR})
+    lane = make_lane(np.stack([volts, np.zeros(200)], axis=1), active=CART_ALONE)
+    state = make_state(x=0.0, rates=(0.1, 0, 0), hidden=(4e-4, 0.05))
+    motions = simulate(make_plant(belt, **LOSSLESS), state, lane, substeps=1, method=method)
+    ours = np.stack([motions.q.x, motions.q.motor], axis=1)
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-9)
 
 
 def test_encoder_behind_a_play():

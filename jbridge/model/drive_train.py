@@ -1,0 +1,161 @@
+"""What stands between motor and cart, decided over a whole step beside dry friction: a play, or a belt that gives.
+
+Both pass on a thrust that changes within a step: an impact is over at once, and a belt may ring several times. What
+changes early in a step moves the position more than what changes late, and the velocity by as much. So the thrust has
+two means over the step, a plain one and one weighted by the time left, which a method's stages take as they take an
+input that changes (`rollout.Method.leads`). Two masses under steady forces then move exactly as they should, in steps
+of any length.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._types import Scalar
+from .dry import Rows, friction
+
+_SLOW = 1e-8
+"""Squared angle of a vibration in one step below which its series are exact."""
+
+
+class Sides(NamedTuple):
+    """Motor and cart at a step's beginning, as they near each other."""
+
+    apart: Scalar
+    """How far the motor is ahead of the cart [m],"""
+    rate: Scalar
+    """how fast that grows [m/s],"""
+    rest: Scalar
+    """and that speed's rate of change without friction and thrust [m/s^2]."""
+    u: Sequence[Scalar]
+    """What a unit of thrust does to each row of the friction problem; with the other sign, a force there to `rest`."""
+    w: Scalar
+    """What a unit of thrust does against `rest`."""
+
+    def turned(self, side: Scalar) -> "Sides":
+        """The same, counted positive to one side (1) or to the other (-1)."""
+        return Sides(side * self.apart, side * self.rate, side * self.rest, tuple(side * u for u in self.u), self.w)
+
+    def pulled(self, f: Sequence[Scalar]) -> Scalar:
+        """`rest` under friction [m/s^2]."""
+        return self.rest - sum(a * b for a, b in zip(self.u, f, strict=True))
+
+    def coupled(self, rows: Rows, thrust: Scalar, per_rest: Scalar) -> Rows:
+        """The friction problem where a thrust follows what pulls the sides apart: `thrust + per_rest * pulled(f)`."""
+        pushed = thrust + per_rest * self.rest
+        rest = [a + u * pushed for a, u in zip(rows.rest, self.u, strict=True)]
+        w = [[rows.w[i][j] - per_rest * self.u[i] * self.u[j] for j in range(3)] for i in range(3)]
+        return rows._replace(rest=rest, w=w)
+
+
+def through_play(
+    rows: Rows, sides: Sides, gap: Scalar, rubbing: Sequence[bool], h: Scalar, lead: Scalar | float, go: Array
+) -> tuple[list[Scalar], Scalar]:
+    """Friction beside a play whose sides meet inelastically.
+
+    Where they meet within the step, friction is that of the axes before and after. From then on the sides move as one:
+    a motor that friction holds carries any thrust, which sweeps between friction and thrust would approach but slowly.
+
+    Args:
+        rows, rubbing, h, go: see `friction`.
+        sides: motor and cart.
+        gap: total play [m].
+        lead: see `rollout.Method`.
+
+    Returns:
+        Friction of each row, and the thrust of the motor on the cart [N].
+    """
+    ends = sides.apart + h * sides.rate + 0.5 * h * h * sides.rest
+    side = jnp.where(ends < 0, -1.0, 1.0)
+    sides = sides.turned(side)
+    left, u, w = 0.5 * gap - sides.apart, sides.u, sides.w
+    opened = friction(rows, rubbing, h, go)
+    a_open = sides.pulled(opened)
+    meets = sides.rate * h + 0.5 * h * h * a_open > left
+    # Until they meet, from a distance with a speed.
+    ahead = jnp.where(meets & (left > 0), left, 0.0)
+    squared = sides.rate * sides.rate + 2.0 * a_open * ahead
+    speed = sides.rate + jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    before = jnp.minimum(jnp.where(speed > 0, 2.0 * ahead / jnp.where(speed > 0, speed, 1.0), 0.0), h)
+    after = h - before
+    alone = friction(rows, rubbing, before, go)
+    # What speed is left is taken off by an impulse.
+    impulse = jnp.maximum(sides.rate + before * sides.pulled(alone), 0.0) / w
+    moving = []
+    for i in range(3):
+        a = rows.rest[i] + sum(rows.w[i][j] * alone[j] for j in range(3))
+        moving.append(rows.moving[i] + before * a + impulse * u[i])
+    one = friction(sides.coupled(rows._replace(moving=moving), jnp.zeros_like(w), 1.0 / w), rubbing, after, go)
+    a_one = sides.pulled(one)
+    step = jnp.where(h > 0, h, 1.0)
+    share = after / step
+    f = [jnp.where(meets, share * c + (1.0 - share) * b, a) for a, b, c in zip(opened, alone, one, strict=True)]
+    plain = impulse / step + share * jnp.maximum(a_one, 0.0) / w
+    # At the step's end they touch, or are as far apart as what pulls them apart has brought them since.
+    parted = 0.5 * jnp.minimum(a_one, 0.0) * after * after
+    early = 2.0 * (sides.rate / step + 0.5 * sides.pulled(f) - (left + parted) / (step * step)) / w
+    return f, side * jnp.where(meets, plain + lead * (early - plain), 0.0)
+
+
+def through_belt(
+    rows: Rows,
+    sides: Sides,
+    belt: tuple[Scalar, Scalar],
+    drag: tuple[Scalar, Scalar],
+    rubbing: Sequence[bool],
+    h: Scalar,
+    lead: Scalar | float,
+    go: Array,
+) -> tuple[list[Scalar], Scalar]:
+    """Friction beside a belt: under steady forces its sides vibrate about each other as in closed form.
+
+    Args:
+        rows, rubbing, h, go: see `friction`.
+        sides: motor and cart.
+        belt: its stiffness and damping [N/m, N s/m].
+        drag: what the motor's own damping takes of its speed [1/s], and the speed beyond the cart's [m/s] with which
+            `sides.rest` has it: as the sides vibrate, it changes.
+        lead: see `rollout.Method`.
+
+    Returns:
+        Friction of each row, and the thrust of the motor on the cart [N].
+    """
+    apart, rate, w = sides.apart, sides.rate, sides.w
+    (stiffness, damping), (loss, beyond) = belt, drag
+    square, a = w * stiffness, 0.5 * (w * damping + loss)
+    step = jnp.where(h > 0, h, 1.0)
+    one_less_c, s = _vibration(a * h, (square - a * a) * h * h)
+    c = 1.0 - one_less_c
+    # By the end of the step the speed has become `rate - slowed + h s (pulled + loss beyond)`: that tells the mean.
+    slowed = rate * one_less_c + h * s * (square * apart + a * rate)
+    thrust, per_rest = (slowed / step - s * loss * beyond) / w, (1.0 - s) / w
+    f = friction(sides.coupled(rows, thrust, per_rest), rubbing, h, go)
+    pulled = sides.pulled(f)
+    plain = thrust + per_rest * pulled
+    centre = (pulled + loss * beyond) / square
+    off = apart - centre
+    end = centre + c * off + h * s * (rate + a * off)
+    early = (pulled - 2.0 * (end - apart - h * rate) / (step * step)) / w
+    return f, plain + lead * (early - plain)
+
+
+def _vibration(fading: Scalar, squared: Scalar) -> tuple[Scalar, Scalar]:
+    """`1 - exp(-fading) cos b` and `exp(-fading) sin(b)/b`, with `b = sqrt(squared)`.
+
+    Where `squared` is negative nothing rings, and these are the hyperbolic functions.
+    """
+    left = jnp.exp(-fading)
+    few = jnp.abs(squared) < _SLOW
+    b = jnp.sqrt(jnp.where(few, 1.0, jnp.abs(squared)))
+    half = jnp.sin(0.5 * b)
+    ringing = (2.0 * left * half * half, left * jnp.sin(b) / b)
+    slower, faster = jnp.exp(jnp.minimum(b - fading, 0.0)), jnp.exp(-b - fading)
+    spread = jnp.sqrt(slower) - jnp.sqrt(faster)
+    creeping = (-0.5 * spread * spread, 0.5 * (slower - faster) / b)
+    series = (0.5 * left * squared, left * (1.0 - squared / 6.0))
+    turned, s = (
+        jnp.where(few, c, jnp.where(squared > 0, a, b)) for a, b, c in zip(ringing, creeping, series, strict=True)
+    )
+    return turned - jnp.expm1(-fading), s
