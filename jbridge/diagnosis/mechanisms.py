@@ -12,6 +12,7 @@ from ..identify.setting import lanes_for
 from ..identify.solve import solve
 from ..recordings import Recording
 from .candidates import Candidate
+from .freeze import last_fit
 from .search import Search
 from .trials import State, Trial
 
@@ -24,6 +25,10 @@ _SHORT = 0.5
 """Length of these windows [s]."""
 _NEAR = 2
 """Winners on them that compete with the seeds on longer ones."""
+_FEW = 2
+"""Recordings on which seeds compete,"""
+_LONG = 1.5
+"""and how much longer than the second shortest they may be."""
 
 
 @dataclasses.dataclass
@@ -47,7 +52,9 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
         return []
     search.progress(f"refitting {len(found)} explanations with a hidden state")
 
-    few = _few(search.setting.recordings)
+    recordings = search.setting.recordings
+    cost = last_fit(state).gram.cost[0]
+    few = worst_met(recordings, [float(cost[state.batch.recording == i].sum()) for i in range(len(recordings))])
     lanes = lanes_for(state.engine.table, state.plant, search.setting, few, WINDOW)
     width = columns_for(len(state.free))
     without = solve(state.engine, lanes, state.vector[None], [state.free], columns=width, iterations=5, tolerance=1e-2)
@@ -86,9 +93,18 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     return search.each(lambda w: search.refit_rows(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
 
 
-def _few(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The two shortest recordings."""
-    return tuple(sorted(recordings, key=lambda r: r.duration)[:2])
+def worst_met(recordings: Sequence[Recording], cost: Sequence[float]) -> tuple[Recording, ...]:
+    """The two recordings that a model meets worst, of those that are not long.
+
+    A play shows where the drive turns round, an elastic rope where the load is jerked: not in every recording.
+
+    Args:
+        recordings: what it was fitted to.
+        cost: sum of squares that it leaves of each.
+    """
+    longest = _LONG * sorted(recording.duration for recording in recordings)[:_FEW][-1]
+    order = sorted(range(len(recordings)), key=lambda i: -cost[i] / recordings[i].duration)
+    return tuple(recordings[i] for i in order if recordings[i].duration <= longest)[:_FEW]
 
 
 def stiffer(seeds: Sequence[Candidate]) -> list[Candidate]:

@@ -8,7 +8,7 @@ import pytest
 
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
-from jbridge.diagnosis.mechanisms import stiffer
+from jbridge.diagnosis.mechanisms import stiffer, worst_met
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.search import with_simpler
 from jbridge.diagnosis.ties import ties
@@ -33,6 +33,16 @@ def with_added(kind):
     plant = make_plant(COULOMB, (kind, "cart", ADDED[kind]))
     table = ParameterTable(plant)
     return plant, table, np.array(table.ravel(plant))
+
+
+def test_hidden_effects_are_sought_where_the_model_errs_most():
+    runs = [
+        make_recording(f"{seconds}.csv", np.arange(0, seconds, 0.01), x=np.arange(0, seconds, 0.01))
+        for seconds in (10.0, 12.0, 60.0, 11.0)
+    ]
+    worst = worst_met(runs, [10.0, 30.0, 900.0, 28.0])
+    assert [run.name for run in worst] == ["11.0.csv", "12.0.csv"], "by the second, and none that is long"
+    assert worst_met(runs[:1], [10.0]) == (runs[0],)
 
 
 @pytest.mark.parametrize("kind", ADDED)
