@@ -17,7 +17,8 @@ from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
 
 EFFECTIVE = 1000.0
-"""Effective number of independent samples, for weighing costs against parameters: residuals hang together."""
+"""Effective number of independent samples, for weighing costs against parameters: residuals hang together. Where fewer
+were taken, it is as many as there are."""
 _GAIN = 0.03
 """Least share of the cost that an acceptance must bring."""
 _LATER_GAIN = 0.25
@@ -78,7 +79,8 @@ class Trial(Fitted):
     @property
     def score(self) -> float:
         """Bayesian information criterion with an effective sample size; smaller is better."""
-        return EFFECTIVE * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(EFFECTIVE))
+        count = min(EFFECTIVE, float(measurements(self.batch)))
+        return count * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(count))
 
 
 @dataclasses.dataclass(kw_only=True)
