@@ -18,12 +18,13 @@ from .trials import State, Trial
 
 _PROMISING = 0.8
 """Cost on windows, relative to the model without it, below which an effect with a hidden state is refitted whole."""
-_RINGS = {"belt_compliance": ("stiffness", (2.5, 7.0))}
-"""Effects that ring: the number that sets how fast, and by how much more it is tried beyond the largest seed. In
-a window of seconds its phase must be right before a fit sees the way; in a short one it need not."""
+_RINGS = "belt_compliance"
+"""What rings. In a window of seconds its phase must be right before a fit sees the way; in a short one it need not."""
+_STIFFER = (2.5, 7.0, 20.0)
+"""How much stiffer it is tried beyond the stiffest seed."""
 _SHORT = 0.5
 """Length of these windows [s]."""
-_NEAR = 2
+_NEAR = 4
 """Winners on them that compete with the seeds on longer ones."""
 _FEW = 2
 """Recordings on which seeds compete,"""
@@ -64,7 +65,7 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
         rows = np.array([seed.set(engine.table, vector) for seed in seeds])
         places = np.concatenate([free, seeds[0].places(engine.table)])
         plant = engine.table.unravel(rows[0])
-        if seeds[0].kind in _RINGS:
+        if seeds[0].kind == _RINGS:
             more = [*seeds, *stiffer(seeds)]
             begin = np.array([seed.set(engine.table, vector) for seed in more])
             plant = engine.table.unravel(begin[-1])  # the stiffest sets the step
@@ -108,8 +109,11 @@ def worst_met(recordings: Sequence[Recording], cost: Sequence[float]) -> tuple[R
 
 
 def stiffer(seeds: Sequence[Candidate]) -> list[Candidate]:
-    """An effect's seeds that ring fastest, ringing faster yet."""
-    key, factors = _RINGS[seeds[0].kind]
-    most = max(float(seed.values[key]) for seed in seeds)
-    fastest = [seed for seed in seeds if float(seed.values[key]) == most]
-    return [dataclasses.replace(s, values={**s.values, key: f * most}) for f in factors for s in fastest]
+    """A belt's seeds that ring fastest, ringing faster yet, the fastest last."""
+    most = max(float(seed.values["stiffness"]) for seed in seeds)
+    fastest = [seed for seed in seeds if float(seed.values["stiffness"]) == most]
+    return [
+        dataclasses.replace(seed, values={**seed.values, "stiffness": factor * most})
+        for factor in _STIFFER
+        for seed in fastest
+    ]
