@@ -1,69 +1,60 @@
-"""What would the truth itself leave? Simulates opened cases with their true numbers; only initial states are fitted.
+"""What would the truth itself leave? Simulates opened cases with their true numbers; only initial states are estimated.
 
     python experiments/concealed/ceiling.py --half wide --out out/concealed
     python experiments/concealed/ceiling.py --half dev --out out/concealed --cases dev-07 dev-12
 
 No diagnosis leaves less than this. More than the noise is the simulation's own error, which a search would explain with
-effects that nobody concealed: at the steps that a fit takes, and at a quarter of them, errors over noise should be 1.
-Rigs whose friction wanders, and laws that the catalogue does not have, are left out.
+effects that nobody concealed: at the steps that a search takes, and at the finer ones of a last fit, errors over noise
+should be 1. Rigs whose friction wanders, and laws that the catalogue does not have, are left out.
 """
 
 import argparse
-import dataclasses
 import json
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
 import jbridge
 from cases import MASTER
-from jbridge.identify.base import channel_errors
-from jbridge.identify.lanes import Batch
-from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for, make_setting, resolve
-from jbridge.identify.solve import solve
-from jbridge.model.bridge import Bridge
-from jbridge.model.effects.catalogue import KINDS, make_effect
-from jbridge.model.plant import Plant
-from play import write
+from play import model_toml, write
 from run import ROOT, recordings
 from seal import SEALS, open_truths
-
-FINER = 4
 
 
 def has_no_ceiling(truth: dict) -> str:
     """Why a truth's simulation need not meet its recordings; empty where it should."""
     if truth.get("wander"):
         return "its friction wanders"
-    strange = sorted({effect["kind"] for effect in truth["effects"]} - set(KINDS))
+    strange = sorted({effect["kind"] for effect in truth["effects"]} - set(jbridge.CATALOGUE))
     return f"the catalogue has no {', '.join(strange)}" if strange else ""
 
 
-def true_plant(truth: dict) -> Plant:
-    """The bridge and the effects that a case was played with."""
-    parts = [dict(effect) for effect in truth["effects"]]
-    effects = tuple(make_effect(part.pop("kind"), part.pop("site"), part) for part in parts)
-    return Plant(Bridge(**truth["bridge"]), effects)
+def true_model(truth: dict) -> str:
+    """The model file with which a case was played, every number known."""
+    known = list(truth["bridge"])
+    for effect in truth["effects"]:
+        numbers = [name for name, value in effect.items() if not isinstance(value, str)]
+        known += [f"{effect['kind']}@{effect['site']}.{name}" for name in numbers]
+    return model_toml({"bridge": {**truth["bridge"], "known": known}, "effects": truth["effects"]})
 
 
 def left_by_the_truth(truth: dict, case: Path) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over noise of each channel in free runs over the training recordings, and with finer steps."""
-    given = jbridge.load_model(case / "model.toml")
-    train = jbridge.load_recordings(recordings(case, "train"))
-    setting = make_setting(given, train, jbridge.load_recordings(recordings(case, "holdout")))
-    plant = resolve(true_plant(truth), setting.length)
-    engine = Engine(plant)
-    vector = np.array(engine.table.ravel(plant), dtype=float)
-    nothing = [np.zeros(0, np.int64)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "truth.toml"
+        path.write_text(true_model(truth))
+        checked = jbridge.fit(jbridge.load_model(path), jbridge.load_recordings(recordings(case, "train")))
 
-    def errors(batch: Batch) -> dict[str, float]:
-        fits = solve(engine, batch, vector[None], nothing, initial=batch.initial[None], columns=8, iterations=12)
-        return channel_errors(batch, fits.gram.predicted[0], over_noise=True)
+    def errors(which: str) -> dict[str, float]:
+        out = {}
+        for axis, noise in checked.noise.items():
+            off = [getattr(t, which)[axis] - t.measured[axis] for t in checked.traces if axis in t.measured]
+            out[axis] = float(np.sqrt(np.nanmean(np.concatenate(off) ** 2))) / noise
+        return out
 
-    batch = lanes_for(engine.table, plant, setting, setting.recordings)
-    return errors(batch), errors(dataclasses.replace(batch, substeps=FINER * batch.substeps))
+    return errors("before"), errors("after")
 
 
 def main() -> None:
