@@ -299,7 +299,7 @@ def advance(
             a = materialise(a, go)
             z = at.z
             if presliding is not None and carry.z is not None:
-                z = presliding.deflection(carry.z, at.v.at_drives().x, part.reach * h)
+                z = presliding.deflection(carry.z, part.reach * h * at.v.at_drives().x)
             q, v = _add(carry.q, at.v, part.reach, h), _add(carry.v, a, part.reach, h)
             return _Stage(q, v, z, _add(at.dq, at.v, part.weight, h), _add(at.dv, a, part.weight, h)), None
 
@@ -318,7 +318,11 @@ def advance(
         q_next, v_next = _add(carry.q, at.dq), _add(carry.v, at.dv)
         z_next = carry.z
         if presliding is not None and carry.z is not None:
-            z_next = presliding.deflection(carry.z, 0.5 * (carry.v.at_drives().x + v_next.at_drives().x), h)
+            # There and back where the drive turns round: what is lost of a loop, turn by turn, would be a creep.
+            was, becomes, way = carry.v.at_drives().x, v_next.at_drives().x, at.dq.at_drives().x
+            turns = was * becomes < 0
+            there = jnp.where(turns, 0.5 * h * was * was / jnp.where(turns, was - becomes, 1.0), way)
+            z_next = presliding.deflection(presliding.deflection(carry.z, there), way - there)
         lag = target
         for axis in lagging:
             g, s = getattr(target, axis), getattr(carry.lag, axis)

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
 from ..model.effects.flexible import Backlash, BeltCompliance
-from ..model.effects.friction import CoulombFriction
+from ..model.effects.friction import CoulombFriction, PreslidingFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
@@ -245,11 +245,11 @@ def lanes_for(
 
 
 def _longest_step(plant: Plant) -> float:
-    """Longest integration step [s]: two to five milliseconds, and less where a belt rings fast.
+    """Longest integration step [s]: half of a rigid bridge's beside hidden motions, less where a belt rings fast.
 
     Without friction its ringing is met in closed form. Friction that stops and turns the motor as it rings is not.
     """
-    if not plant.mechanisms:
+    if not plant.mechanisms and plant.only(PreslidingFriction) is None:
         return _STEP
     belt = plant.only(BeltCompliance)
     if belt is None:

@@ -148,11 +148,10 @@ class PreslidingFriction(AbstractFriction):
     def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
         return jnp.zeros_like(v), jnp.zeros_like(v)
 
-    def deflection(self, z: Scalar, v: Scalar, dt: Scalar) -> Scalar:
-        """`z` after `dt` [s] at velocity `v`: the exact solution, stable however stiff the spring."""
-        target = jnp.where(v < 0, -1.0, 1.0)
-        rate = self.stiffness * jnp.abs(v) / jnp.maximum(self.level, 1e-3)
-        return target - (target - z) * decay(rate * dt)
+    def deflection(self, z: Scalar, way: Scalar) -> Scalar:
+        """`z` after some `way` [m] in one direction, on which alone it depends: exact, however stiff the spring."""
+        target = jnp.where(way < 0, -1.0, 1.0)
+        return target - (target - z) * decay(self.stiffness * jnp.abs(way) / jnp.maximum(self.level, 1e-3))
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
