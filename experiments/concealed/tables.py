@@ -127,7 +127,6 @@ FRESH = "; `fresh` was run once, by one version"
 def brief(halves: dict[str, dict]) -> str:
     """The measures that matter most to an owner, in markdown."""
     measures = {
-        "cases": lambda rows: str(len(rows)),
         "verdict right": lambda rows: share(rows, "verdict_right"),
         "nothing is missing, and yet an alarm": lambda rows: share(groups(rows)["null"], "detected"),
         "something is missing that leaves 5 times the noise: seen": lambda rows: share(
@@ -139,6 +138,8 @@ def brief(halves: dict[str, dict]) -> str:
         ),
     }
     lines = ["# Concealed cases, in brief", "", "| | " + " | ".join(halves) + " |", "|" + "---|" * (1 + len(halves))]
+    run = [(len(saved["rows"]), saved["cases"]) for saved in halves.values()]
+    lines.append("| cases | " + " | ".join(f"{n}" if n == of else f"{n} of {of}" for n, of in run) + " |")
     for name, of in measures.items():
         lines.append(f"| {name} | " + " | ".join(of(saved["rows"]) for saved in halves.values()) + " |")
     return "\n".join(lines) + "\n"

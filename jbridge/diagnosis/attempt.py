@@ -24,11 +24,13 @@ from .adequacy import (
     carries_over,
     channels,
     closes_little,
+    in_vain,
     is_large,
     significance,
     worst_ratio,
 )
 from .freeze import Frozen, freeze, last_fit
+from .holdout import off_map
 from .repeats import repeating_share
 from .result import Channel
 from .revise import SUPERFLUOUS
@@ -146,6 +148,9 @@ def attempt(
     if steps and not alarm:  # names for scatter are none, and do not belong into the model
         explained, completed = _refuted(explained, search, base, "what it explains does not repeat"), None
         learnable_after, left_repeats = learnable, repeating
+    elif steps and large and _helps_nowhere(base, explained, completed, setting, search.window is not None):
+        explained, completed = _refuted(explained, search, base), None
+        learnable_after, left_repeats = learnable, repeating
     return Attempt(
         base,
         search,
@@ -182,6 +187,20 @@ def _borne_out(base: BaseFit, state: State, completed: Frozen | None, setting: S
     after = (completed or freeze(last_fit(state), setting, base)).holdout.errors
     gap = worst_ratio(before.window if windows else before.free_run, setting.noise)
     return gap > LARGE and carries_over(before, after, setting.noise, windows=windows)
+
+
+def _helps_nowhere(
+    base: BaseFit, explained: Explained, completed: Frozen | None, setting: Setting, windows: bool
+) -> bool:
+    """Whether the hold-out, where it may judge what was named, is met as badly with it as without."""
+    named = completed or freeze(last_fit(explained.state), setting, base)
+    after = named.holdout.errors
+    if worst_ratio(after.window if windows else after.free_run, setting.noise) <= LARGE:
+        return False
+    before = freeze(LastFit.of(base), setting, base).holdout.errors
+    if not in_vain(before, after, setting.noise, windows=windows):
+        return False
+    return off_map(named.plant, {step.chosen.candidate.name for step in explained.steps}, setting.holdout) is None
 
 
 def _gone_on(

@@ -13,6 +13,7 @@ from jbridge.diagnosis.adequacy import (
     carries_over,
     channels,
     closes_little,
+    in_vain,
     is_large,
     ratios,
     significance,
@@ -113,6 +114,25 @@ def test_a_gap_must_close_on_the_holdout_too(before, after, holds):
     scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
     assert carries_over(*(Errors(s, away) for s in scaled), noise, windows=False) is holds
     assert carries_over(*(Errors(good, s) for s in scaled), noise, windows=True) is holds
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "vain"),
+    [
+        ({"x": 1.0, "l": 20.0}, {"x": 1.0, "l": 12.0}, False),
+        ({"x": 1.0, "l": 20.0}, {"x": 1.0, "l": 19.0}, True),
+        # A tenth less of the worst channel, and another one spoilt.
+        ({"x": 1.0, "l": 20.0}, {"x": 9.0, "l": 18.0}, True),
+        ({"x": 1.0, "l": 20.0}, {"x": np.nan, "l": 1.0}, True),
+        ({"x": 1.0, "l": 20.0}, {"x": 1.0, "l": 40.0}, True),
+    ],
+)
+def test_names_that_leave_the_holdout_as_it_was_are_vain(before, after, vain):
+    noise = {"x": 1e-3, "l": 1e-4}
+    away, good = ({axis: 1e3 * noise[axis] for axis in noise}, dict(noise))
+    scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
+    assert in_vain(*(Errors(s, away) for s in scaled), noise, windows=False) is vain
+    assert in_vain(*(Errors(good, s) for s in scaled), noise, windows=True) is vain
 
 
 @pytest.mark.parametrize(
