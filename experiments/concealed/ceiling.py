@@ -3,9 +3,10 @@
     python experiments/concealed/ceiling.py --half wide --out out/concealed
     python experiments/concealed/ceiling.py --half dev --out out/concealed --cases dev-07 dev-12
 
-No diagnosis leaves less than this. More than the noise is the simulation's own error, which a search would explain with
-effects that nobody concealed: at the steps that a search takes, and at the finer ones of a last fit, errors over noise
-should be 1. Rigs whose friction wanders, and laws that the catalogue does not have, are left out.
+A diagnosis that finds the truth leaves this. More than the noise is the simulation's own error, which a search might
+explain with effects that nobody concealed: at the steps that a search takes, and (in brackets) at the finer ones of a
+last fit, errors over noise should be 1. Where they are far from it, a last fit takes no finer ones. Rigs whose
+friction wanders, and laws that the catalogue does not have, are left out.
 """
 
 import argparse
@@ -79,7 +80,9 @@ def main() -> None:
             continue
         case = write(truth, chosen.out, seals[name])
         usual, fine = left_by_the_truth(truth, case)
-        told = ", ".join(f"{axis} {usual[axis]:.2f} ({fine[axis]:.2f})" for axis in usual)
+        told = ", ".join(
+            f"{axis} {usual[axis]:.2f} ({'not finer' if fine == usual else f'{fine[axis]:.2f}'})" for axis in usual
+        )
         print(f"{name}  {concealed}: {told}", flush=True)
 
 

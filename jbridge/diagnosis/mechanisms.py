@@ -70,11 +70,13 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
             begin = np.array([seed.set(engine.table, vector) for seed in more])
             plant = engine.table.unravel(begin[-1])  # the stiffest sets the step
             short = lanes_for(engine.table, plant, search.setting, few, _SHORT)
-            width = columns_for(len(places))
-            found = solve(engine, short, begin, [places] * len(more), columns=width, iterations=8, tolerance=1e-2)
-            near = np.argsort(np.nan_to_num(found.cost, nan=np.inf))[:_NEAR]
-            rows = np.concatenate([rows, found.vectors[near]])
+            wide = columns_for(len(places))
+            quick = solve(engine, short, begin, [places] * len(more), columns=wide, iterations=8, tolerance=1e-2)
+            near = np.argsort(np.nan_to_num(quick.cost, nan=np.inf))[:_NEAR]
+            rows = np.concatenate([rows, quick.vectors[near]])
             seeds = [*seeds, *(more[k] for k in near)]
+            stiffness = engine.table.positions(seeds[0].group("stiffness"))[0]
+            plant = engine.table.unravel(rows[np.argmax(rows[:, stiffness])])
         frees = [places] * len(rows)
         batch = lanes_for(engine.table, plant, search.setting, few, WINDOW)
         tries = solve(engine, batch, rows, frees, columns=columns_for(len(frees[0])), iterations=7, tolerance=1e-2)

@@ -37,7 +37,7 @@ _PART_OF = {
 _STEP = 0.0051
 """Longest integration step of the rigid bridge [s]."""
 _TURN = 0.42
-"""Angle [rad] by which a belt's ringing may go on in one step,"""
+"""Angle [rad] by which a belt, or a cart on presliding friction, may go on ringing in one step,"""
 _HALVINGS = 3
 """and how often a step is halved at most for that."""
 _TRAVEL = 0.05
@@ -245,18 +245,22 @@ def lanes_for(
 
 
 def _longest_step(plant: Plant) -> float:
-    """Longest integration step [s]: half of a rigid bridge's beside hidden motions, less where a belt rings fast.
+    """Longest integration step [s]: half of a rigid bridge's beside hidden motions, less where these ring fast.
 
-    Without friction its ringing is met in closed form. Friction that stops and turns the motor as it rings is not.
+    A belt's ringing is met in closed form; friction and damping that act on the motor as it rings are not.
     """
-    if not plant.mechanisms and plant.only(PreslidingFriction) is None:
+    belt, sliding, train = plant.only(BeltCompliance), plant.only(PreslidingFriction), plant.drive_train
+    if not plant.mechanisms and sliding is None:
         return _STEP
-    belt = plant.only(BeltCompliance)
-    if belt is None:
-        return 0.5 * _STEP
-    motor, whole = float(belt.motor_mass), float(plant.bridge.cart_mass)
-    fast = math.sqrt(float(belt.stiffness) / motor + float(belt.stiffness) / max(whole - motor, 1e-3 * motor))
-    halvings = math.ceil(math.log2(max(_STEP * fast / _TURN, 2.0)))  # few different ones: each is a program
+    whole = float(plant.bridge.cart_mass)
+    motor = whole if train is None else float(train.motor_mass)
+    squares = [0.0]
+    if belt is not None:
+        squares.append(float(belt.stiffness) / motor + float(belt.stiffness) / max(whole - motor, 1e-3 * motor))
+    if sliding is not None:
+        squares.append(float(sliding.stiffness) / motor)
+    turn = _STEP * math.sqrt(max(squares))
+    halvings = math.ceil(math.log2(max(turn / _TURN, 2.0)))  # few different ones: each is a program
     return _STEP / 2 ** min(halvings, _HALVINGS)
 
 

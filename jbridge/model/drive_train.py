@@ -3,8 +3,8 @@
 Both pass on a thrust that changes within a step: an impact is over at once, and a belt may ring several times. What
 changes early in a step moves the position more than what changes late, and the velocity by as much. So the thrust has
 two means over the step, a plain one and one weighted by the time left, which a method's stages take as they take an
-input that changes (`rollout.Method.leads`). Two masses under steady forces then move exactly as they should, in steps
-of any length.
+input that changes (`rollout.Method.leads`). Two masses under steady forces, without a damping of their own, then move
+exactly as they should, in steps of any length. That they touch and part again within one step is not seen.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._math import decay, sincos
 from .._types import Scalar
 from .dry import Rows, friction
 
@@ -67,18 +68,22 @@ def through_play(
     Returns:
         Friction of each row, and the thrust of the motor on the cart [N].
     """
-    ends = sides.apart + h * sides.rate + 0.5 * h * h * sides.rest
+    opened = friction(rows, rubbing, h, go)
+    ends = sides.apart + h * sides.rate + 0.5 * h * h * sides.pulled(opened)
     side = jnp.where(ends < 0, -1.0, 1.0)
     sides = sides.turned(side)
     left, u, w = 0.5 * gap - sides.apart, sides.u, sides.w
-    opened = friction(rows, rubbing, h, go)
     a_open = sides.pulled(opened)
     meets = sides.rate * h + 0.5 * h * h * a_open > left
     # Until they meet, from a distance with a speed.
     ahead = jnp.where(meets & (left > 0), left, 0.0)
     squared = sides.rate * sides.rate + 2.0 * a_open * ahead
-    speed = sides.rate + jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-    before = jnp.minimum(jnp.where(speed > 0, 2.0 * ahead / jnp.where(speed > 0, speed, 1.0), 0.0), h)
+    root = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    speed = sides.rate + root
+    nearing = jnp.where(speed > 0, 2.0 * ahead / jnp.where(speed > 0, speed, 1.0), 0.0)
+    # Sides that part, and that are driven together again.
+    back = meets & (sides.rate < 0) & (a_open > 0)
+    before = jnp.minimum(jnp.where(back, (root - sides.rate) / jnp.where(back, a_open, 1.0), nearing), h)
     after = h - before
     alone = friction(rows, rubbing, before, go)
     # What speed is left is taken off by an impulse.
@@ -94,7 +99,7 @@ def through_play(
     f = [jnp.where(meets, share * c + (1.0 - share) * b, a) for a, b, c in zip(opened, alone, one, strict=True)]
     plain = impulse / step + share * jnp.maximum(a_one, 0.0) / w
     # At the step's end they touch, or are as far apart as what pulls them apart has brought them since.
-    parted = 0.5 * jnp.minimum(a_one, 0.0) * after * after
+    parted = jnp.maximum(0.5 * jnp.minimum(a_one, 0.0) * after * after, -gap)
     early = 2.0 * (sides.rate / step + 0.5 * sides.pulled(f) - (left + parted) / (step * step)) / w
     return f, side * jnp.where(meets, plain + lead * (early - plain), 0.0)
 
@@ -146,14 +151,14 @@ def _vibration(fading: Scalar, squared: Scalar) -> tuple[Scalar, Scalar]:
 
     Where `squared` is negative nothing rings, and these are the hyperbolic functions.
     """
-    left = jnp.exp(-fading)
+    left = decay(fading)
     few = jnp.abs(squared) < _SLOW
-    b = jnp.sqrt(jnp.where(few, 1.0, jnp.abs(squared)))
-    half = jnp.sin(0.5 * b)
-    ringing = (2.0 * left * half * half, left * jnp.sin(b) / b)
-    slower, faster = jnp.exp(jnp.minimum(b - fading, 0.0)), jnp.exp(-b - fading)
-    spread = jnp.sqrt(slower) - jnp.sqrt(faster)
-    creeping = (-0.5 * spread * spread, 0.5 * (slower - faster) / b)
+    half = 0.5 * jnp.sqrt(jnp.where(few, 1.0, jnp.abs(squared)))
+    sine, cosine = sincos(half)
+    ringing = (2.0 * left * sine * sine, left * sine * cosine / half)
+    slower, faster = decay(jnp.maximum(0.5 * fading - half, 0.0)), decay(0.5 * fading + half)  # to a half each
+    spread = slower - faster
+    creeping = (-0.5 * spread * spread, 0.25 * spread * (slower + faster) / half)
     series = (0.5 * left * squared, left * (1.0 - squared / 6.0))
     turned, s = (
         jnp.where(few, c, jnp.where(squared > 0, a, b)) for a, b, c in zip(ringing, creeping, series, strict=True)

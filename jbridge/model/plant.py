@@ -2,8 +2,8 @@
 
 Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
 elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
-masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks, what
-meets and what rings between motor and cart is decided over a whole step (`dry`, `drive_train`).
+masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks, what meets and what rings
+between motor and cart is decided over a whole step (`dry`, `drive_train`).
 """
 
 from collections.abc import Iterator
@@ -230,7 +230,7 @@ class Plant(eqx.Module):
         else:
             inv, free, a_phi, to_phi = _with_hook(hook, b, m, block, load_q, load_v, q, v, Axes(f_x, f_psi, f_l))
 
-        # Rows of the friction problem: cart (or motor), swing, hoist (or winch), and the play's contact.
+        # Rows of the friction problem: cart (or motor), swing, hoist (or winch).
         w_x = inv.xx if train is None else active.x / train.motor_mass
         w_l = inv.ll if rope is None else active.l / b.winch_mass
         w_xp = inv.xp if train is None else jnp.zeros_like(inv.xp)

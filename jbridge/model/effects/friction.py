@@ -149,7 +149,7 @@ class PreslidingFriction(AbstractFriction):
         return jnp.zeros_like(v), jnp.zeros_like(v)
 
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
-        """`z` after some `way` [m] in one direction, on which alone it depends: exact, however stiff the spring."""
+        """`z` after some `way` [m] in one direction, on which alone it depends: exact."""
         target = jnp.where(way < 0, -1.0, 1.0)
         return target - (target - z) * decay(self.stiffness * jnp.abs(way) / jnp.maximum(self.level, 1e-3))
 

@@ -7,6 +7,7 @@ import pytest
 import scipy.linalg
 import sympy as sp
 
+from jbridge.model.drive_train import _vibration
 from jbridge.rollout import MIDPOINT, RK4, initial_motion, rollout
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
@@ -399,3 +400,35 @@ def test_one_of_a_kind():
         make_plant(PLAY, PLAY).drive_train
     with pytest.raises(ValueError, match="keep one"):
         make_plant(PLAY, ("belt_compliance", "cart", MECHANISMS["belt_compliance"][2])).drive_train
+
+
+def test_a_motor_that_friction_holds_stops_the_cart():
+    """Driven one way but held, it is on the other side that the coasting cart comes up against it."""
+    gap, friction, drive = 2e-4, 12.0, 10.0
+    play = ("backlash", "cart", {"gap": gap, "motor_mass": 0.3})
+    plant = make_plant(play, ("coulomb_friction", "cart", {"level": friction}), **LOSSLESS)
+    start = make_state(0.0, rates=(0.02, 0.0, 0.0), hidden=(0.0, -0.02))
+    volts = np.tile([drive / NUMBERS["cart_gain"], 0.0], (40, 1))
+    ends = []
+    for substeps in (2, 64):
+        motions = simulate(plant, start, make_lane(volts, active=CART_ALONE), substeps=substeps, method=MIDPOINT)
+        assert np.max(np.abs(np.asarray(motions.q.motor - motions.q.x))) < gap / 2 + 1e-9, "nothing sinks in"
+        ends.append(float(motions.q.x[-1]))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=5e-6)
+
+
+def test_sides_that_part_and_are_driven_together_again_meet():
+    """At contact, moving apart, under a drive that closes the play at once: from then on one body."""
+    _, v, _ = run_play(u_x=3.0, count=4, state={"x": 0.0, "hidden": (GAP / 2, -0.01)})
+    np.testing.assert_allclose(v.motor[1:], v.x[1:], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fading", "squared"), [(400.0, 1.5e5), (2000.0, 3.9e6), (1.0, 6.4e5), (0.3, 0.2), (0.3, -0.05), (0.3, 1e-9)]
+)
+def test_a_vibration_has_gradients(fading, squared):
+    """However fast it fades or rings, in both directions of differentiation, on both branches."""
+    for sign in (1.0, -1.0):
+        for jacobian in (jax.jacfwd, jax.jacrev):
+            slopes = jacobian(lambda z: jnp.stack(_vibration(z[0], z[1])))(jnp.array([fading, sign * squared]))
+            assert np.all(np.isfinite(slopes))
