@@ -3,7 +3,7 @@
 A case is a truth (numbers, effects, what was concealed, what a perfect answer would be), a model with wrong
 numbers and without the concealed effects, and a plan of recordings. The `dev` half serves for choosing
 settings, the `proof` half for the proof. `wide` is a larger proof, with every effect at three severities, and
-`fresh` a smaller one for one version of the method to run, once. Which case holds what is shuffled, so a case's
+`fresh` a smaller one for the method when it is done, each case once. Which case holds what is shuffled, so a case's
 number says nothing.
 """
 

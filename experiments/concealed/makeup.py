@@ -194,4 +194,4 @@ HALVES["fresh"] = [
     *(f"{line} at 48" for line in BEYOND[1::3]),
     *(f"full {name} at 12" for name in AMBIGUOUS[2::3]),
 ]  # fmt: skip
-"""For the method when it is done: all of it once, by one version."""
+"""For the method when it is done: each case once."""

@@ -121,7 +121,7 @@ def misses(rows: list[dict]) -> list[str]:
     return lines
 
 
-FRESH = "; `fresh` was run once, by one version"
+FRESH = "; `fresh` came last, each case once"
 
 
 def brief(halves: dict[str, dict]) -> str:
