@@ -12,11 +12,12 @@ from .identify.lanes import grid
 from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
+from .model.steps import substeps
 from .recordings import Recording
 from .rollout import RK4, readings, rollout
 
 _STEP = 0.0025
-"""Longest step [s]; with a hidden coordinate half of it."""
+"""Longest step of a rigid bridge [s]."""
 
 
 def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
@@ -35,7 +36,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
         read them, without noise or rounding.
 
     Raises:
-        InputError: the model lacks a part that the recording has.
+        InputError: the model lacks a part that the recording has, or runs away.
     """
     parts = _parts(model, recording)
     requires(model, [axis for axis in AXES if parts[axis]])
@@ -61,8 +62,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
         vector[table.positions(name)] = value
     on = grid(recording, max(recording.period, 1e-4))
     row_at = np.searchsorted(on.times, recording.times - recording.start)
-    step = _STEP / (2 if len(plant.mechanisms) else 1)
-    substeps = max(1, math.ceil(recording.period / step - 1e-6))
+    finer = substeps(plant, recording.period, _STEP)
     lane = Lane(
         jnp.asarray(recording.begun),
         jnp.asarray(np.diff(on.times)),
@@ -74,9 +74,16 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     @jit
     def run(vector: jnp.ndarray, initial: jnp.ndarray, lane: Lane) -> jnp.ndarray:
         known = table.unravel(vector)
-        return readings(known, lane, rollout(known, initial, lane, substeps=substeps, method=RK4))
+        return readings(known, lane, rollout(known, initial, lane, substeps=finer, method=RK4))
 
     y = np.asarray(run(jnp.asarray(vector), jnp.asarray(initial), lane))[row_at]
+    lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
+    if len(lost):
+        raise InputError(
+            f"{model.source or 'the model'}: played the inputs of {recording.name}, it runs away "
+            f"{recording.times[lost[0]] - recording.times[0]:.3g} s after the start; see whether a mass is too small, "
+            "or a stiffness or damping too large, in SI units"
+        )
     out = {"t": recording.times}
     for name in ("u_x", "u_l"):
         if getattr(recording, name) is not None:

@@ -1,7 +1,6 @@
 """`track`: a model under a controller along a reference, and how well that went."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -15,10 +14,11 @@ from .control.measures import Move, moves
 from .errors import InputError
 from .loop import closed_loop, periods_remembered
 from .model.files import Model, requires
+from .model.steps import substeps
 from .signals import Path
 
 _STEP = 0.005
-"""Longest integration step [s]; with a hidden coordinate half of it."""
+"""Longest integration step of a rigid bridge [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,14 +71,13 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         )
     initial = np.zeros(6 + 2 * len(plant.mechanisms))
     initial[0], initial[2] = path.x[0], path.l[0]
-    step = _STEP / (2 if plant.mechanisms else 1)
     response = _run(
         plant,
         controller.law,
         jnp.asarray(initial),
         Reference(*(jnp.asarray(values) for values in path[1:])),
         period=period,
-        substeps=max(1, math.ceil(period / step - 1e-6)),
+        substeps=substeps(plant, period, _STEP),
         memory=periods_remembered(plant, period),
     )
     position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)

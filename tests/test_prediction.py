@@ -121,6 +121,26 @@ def test_a_rope_needs_a_length(files):
         simulate(model, recording)
 
 
+def hanging(files, effect: str):
+    """A bridge with one more effect at the hoist or swing, and a run of it."""
+    volts_l = np.where(TIMES < 2.0, 0.4, -0.6)
+    sidecar = "[initial]\nx = 0.3\nl = 0.7\npsi = 0.0\n"
+    return files(BRIDGE + effect, {"t": TIMES, "u_x": volts(TIMES), "u_l": volts_l}, sidecar)
+
+
+def test_a_steel_wire_is_nearly_rigid(files):
+    wire = '[[effect]]\nkind = "rope_elasticity"\nsite = "hoist"\nstiffness = 1e6\ndamping = 50.0\n'
+    rigid, stiff = (simulate(*hanging(files, effect)) for effect in ("", wire))
+    for name, close in {"x": 2e-6, "psi": 2e-5, "l": 5e-6}.items():
+        np.testing.assert_allclose(stiff[name], rigid[name], atol=close)
+
+
+def test_a_run_that_no_step_resolves_is_refused(files):
+    joint = '[[effect]]\nkind = "double_pendulum"\nsite = "swing"\nhook_mass = 0.001\nlink = 0.006\ndamping = 10.0\n'
+    with pytest.raises(InputError, match=r"model\.toml: played the inputs of .*run\.csv, it runs away"):
+        simulate(*hanging(files, joint))
+
+
 def test_a_part_that_the_model_lacks_is_refused(files):
     columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.4 + 0 * TIMES, "psi": 0.01 * np.sin(TIMES)}
     model, recording = files(CART, columns, "[locked]\nl = 0.7\n")

@@ -1,7 +1,6 @@
 """A model and recordings made ready for fits: which parameters are free, the noise, the lanes."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -13,11 +12,12 @@ from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
-from ..model.effects.flexible import Backlash, BeltCompliance
-from ..model.effects.friction import CoulombFriction, PreslidingFriction
+from ..model.effects.flexible import Backlash
+from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
+from ..model.steps import longest_step
 from ..recordings import Recording, constant_inputs
 from .lanes import HISTORY, Batch, make_batch
 from .noise import noise_floor
@@ -36,10 +36,6 @@ _PART_OF = {
 """The axis that must move for a number of the bridge to matter."""
 _STEP = 0.0051
 """Longest integration step of the rigid bridge [s]."""
-_TURN = 0.42
-"""Angle [rad] by which a belt, or a cart on presliding friction, may go on ringing in one step,"""
-_HALVINGS = 3
-"""and how often a step is halved at most for that."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
@@ -232,7 +228,7 @@ def lanes_for(
     return make_batch(
         recordings,
         setting.noise,
-        step=_longest_step(plant),
+        step=longest_step(plant, _STEP),
         window=window,
         size=table.size,
         overrides=overrides(table, recordings),
@@ -242,26 +238,6 @@ def lanes_for(
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         like=like,
     )
-
-
-def _longest_step(plant: Plant) -> float:
-    """Longest integration step [s]: half of a rigid bridge's beside hidden motions, less where these ring fast.
-
-    A belt's ringing is met in closed form; friction and damping that act on the motor as it rings are not.
-    """
-    belt, sliding, train = plant.only(BeltCompliance), plant.only(PreslidingFriction), plant.drive_train
-    if not plant.mechanisms and sliding is None:
-        return _STEP
-    whole = float(plant.bridge.cart_mass)
-    motor = whole if train is None else float(train.motor_mass)
-    squares = [0.0]
-    if belt is not None:
-        squares.append(float(belt.stiffness) / motor + float(belt.stiffness) / max(whole - motor, 1e-3 * motor))
-    if sliding is not None:
-        squares.append(float(sliding.stiffness) / motor)
-    turn = _STEP * math.sqrt(max(squares))
-    halvings = math.ceil(math.log2(max(turn / _TURN, 2.0)))  # few different ones: each is a program
-    return _STEP / 2 ** min(halvings, _HALVINGS)
 
 
 def _memory(plant: Plant) -> float:

@@ -19,12 +19,13 @@ from ..control.base import AbstractController, Reference
 from ..control.fuzzy import FuzzyController
 from ..loop import closed_loop, periods_remembered
 from ..model.parameters import ParameterTable
+from ..model.steps import substeps
 from ..signals import along, durations
 from ..summaries import UNITS, MoveSummary, is_sound
 from .spec import Sweep
 
 _STEP = 0.005
-"""Longest integration step [s]; with a hidden coordinate half of it."""
+"""Longest integration step of a rigid bridge [s]."""
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
 _LATE = 0.75
@@ -80,7 +81,7 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
     places = {name: table.positions(name) for name in at if name in known}
     period = controller.period
     count = math.ceil(sweep.seconds / period) + 1
-    substeps = max(1, math.ceil(period / (_STEP / (2 if plant.mechanisms else 1)) - 1e-6))
+    finer = _substeps(sweep, table, base, places)
     memory = _memory(sweep, table, base, places)
     # Known numbers, not arguments: an inference whose sets are known when it is compiled is several times faster.
     law = jax.tree.map(lambda leaf: jnp.asarray(leaf, sweep.precision), controller.law)
@@ -111,7 +112,7 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
             initial,
             Reference(place[:, 0], place[:, 1], rate[:, 0], rate[:, 1]),
             period=period,
-            substeps=substeps,
+            substeps=finer,
             memory=memory,
             collect=summary,
         )
@@ -134,6 +135,22 @@ def _with_controller(
         if name in at:
             law = eqx.tree_at(where, law, chosen(name, 0.0))
     return law
+
+
+def _substeps(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:
+    """Integration steps in a period of the controller that every rollout can do with."""
+    period, hardest = sweep.controller.period, np.array(base, dtype=float)
+
+    def needed(name: str, value: float) -> int:
+        row = hardest.copy()
+        row[places[name]] = value
+        return substeps(table.unravel(jnp.asarray(row)), period, _STEP)
+
+    for axis in sweep.design.axes:
+        if axis.name in places:
+            # Each number makes a bridge faster or slower whatever the others are.
+            hardest[places[axis.name]] = max((axis.low, axis.high), key=lambda value: needed(axis.name, value))
+    return substeps(table.unravel(jnp.asarray(hardest)), period, _STEP)
 
 
 def _memory(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:

@@ -18,12 +18,13 @@ from ..model.effects.base import AbstractFriction
 from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
+from ..model.steps import substeps
 from ..signals import Path, along, durations
 from .objectives import Leg
 
 _along = jax.jit(along)
 _STEP = 0.005
-"""Longest integration step [s]; with a hidden coordinate half of it."""
+"""Longest integration step of a rigid bridge [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,7 +219,7 @@ class Course:
         self.period = period
         self.count = math.ceil(legs.seconds / period) + 1
         self._states = 6 + 2 * len(plant.mechanisms)
-        self._substeps = max(1, math.ceil(period / (_STEP / (2 if plant.mechanisms else 1)) - 1e-6))
+        self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period, _STEP)
         self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)
         self.moves = self._moves()
 

@@ -1,0 +1,72 @@
+"""How long an integration step of a plant may be."""
+
+import math
+
+import numpy as np
+from jaxtyping import Array
+
+from .effects.flexible import BeltCompliance, DoublePendulum, RopeElasticity
+from .effects.friction import PreslidingFriction
+from .plant import Plant
+
+_TURN = 0.42
+"""Angle [rad] by which hidden masses may go on ringing in one step."""
+_FADE = 1.0
+"""Share of its velocity that viscous damping may take from a mass in one step, judged at the step's beginning."""
+_DECIDED, _STABLE = 3, 8
+"""How often a step is halved at most: for a belt or presliding friction, decided in closed form within a step, where a
+longer one only blurs what acts beside them; and for what would grow from step to step otherwise."""
+
+
+def longest_step(plant: Plant, rigid: float) -> float:
+    """The longest integration step [s] for a plant, `rigid` divided by a power of two, since each step is a program.
+
+    Args:
+        plant: known numbers; with leading axes where it stands for many bridges.
+        rigid: the longest step of a rigid bridge [s]; hidden masses take half of it at most.
+    """
+    decided, explicit = _needed(plant)
+    hidden = plant.mechanisms or plant.only(PreslidingFriction) is not None
+    halvings = max(
+        1 if hidden else 0,
+        min(_halvings(rigid * decided), _DECIDED),
+        min(_halvings(rigid * explicit), _STABLE),
+    )
+    return rigid / 2**halvings
+
+
+def substeps(plant: Plant, period: float, rigid: float) -> int:
+    """Integration steps in each `period` [s], see `longest_step`."""
+    return max(1, math.ceil(period / longest_step(plant, rigid) - 1e-6))
+
+
+def _halvings(pace: float) -> int:
+    return math.ceil(math.log2(pace)) if pace > 1.0 else 0
+
+
+def _needed(plant: Plant) -> tuple[float, float]:
+    """Steps per second: for what is decided within a step, and for what is not."""
+    b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
+    cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
+    motor = cart if train is None else np.asarray(train.motor_mass)
+    decided = squares = 0.0
+    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / (winch + load if rope is None else winch)))
+    if isinstance(train, BeltCompliance):
+        decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
+    sliding = plant.only(PreslidingFriction)
+    if sliding is not None:
+        decided = max(decided, _most(sliding.stiffness / motor))
+    if rope is not None:
+        ease = 1.0 / winch + 1.0 / load
+        squares = _most(rope.stiffness * ease)
+        fading = max(fading, _most(rope.damping * ease))
+    hook = plant.only(DoublePendulum)
+    if hook is not None:
+        below = np.maximum(load - hook.hook_mass, 1e-3 * load)
+        squares = max(squares, _most(b.gravity / hook.link * load / hook.hook_mass))
+        fading = max(fading, _most(hook.damping / hook.link**2 * (1.0 / below + 1.0 / hook.hook_mass)))
+    return math.sqrt(decided) / _TURN, max(math.sqrt(squares) / _TURN, fading / _FADE)
+
+
+def _most(values: Array | np.ndarray) -> float:
+    return float(np.max(np.asarray(values)))

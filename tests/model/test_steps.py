@@ -1,0 +1,94 @@
+"""Steps against the eigenvalues of the bridge at rest."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jbridge._types import Axes
+from jbridge.model.plant import Motion
+from jbridge.model.steps import longest_step, substeps
+from tests.problems import make_plant
+
+RIGID = 0.005
+HIDDEN = {"belt_compliance": "motor", "backlash": "motor", "rope_elasticity": "loaded", "double_pendulum": "phi"}
+
+
+@eqx.filter_jit
+def jacobian(plant, names: tuple[str, ...], state):
+    active, none = Axes(*(jnp.ones(()) for _ in range(3))), Axes(*(jnp.zeros(()) for _ in range(3)))
+
+    def rates(state):
+        halves = jnp.split(state, 2)
+        q, v = (Motion(**dict(zip(names, half, strict=True))) for half in halves)
+        time, step = jnp.zeros(()), jnp.asarray(1e-9)
+        a = plant.acceleration(time, q, v, none, None, active, (q, v), step, jnp.asarray(True))
+        return jnp.concatenate([halves[1], jnp.stack([getattr(a, name) for name in names])])
+
+    return jax.jacfwd(rates)(state)
+
+
+def fastest(plant) -> float:
+    """The largest eigenvalue [1/s] of the motion around the load hanging at 0.7 m."""
+    names = ("x", "psi", "l", *(HIDDEN[effect.kind] for effect in plant.effects))
+    rest = {"x": 0.3, "psi": 0.0, "l": 0.7, "motor": 0.3, "loaded": 0.7, "phi": 0.0}
+    state = jnp.array([*(rest[name] for name in names), *(0.0 for _ in names)])
+    return float(np.abs(np.linalg.eigvals(np.asarray(jacobian(plant, names, state)))).max())
+
+
+def rope(stiffness: float, damping: float) -> tuple[str, str, dict]:
+    return "rope_elasticity", "hoist", {"stiffness": stiffness, "damping": damping}
+
+
+def hook(mass: float, link: float, damping: float) -> tuple[str, str, dict]:
+    return "double_pendulum", "swing", {"hook_mass": mass, "link": link, "damping": damping}
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        make_plant(hoist_damping=600.0),
+        make_plant(cart_mass=0.2, cart_damping=120.0),
+        make_plant(rope(3e4, 1.0)),
+        make_plant(rope(1e6, 50.0)),
+        make_plant(rope(2e3, 80.0), hoist_damping=0.0),
+        make_plant(rope(5e3, 0.5), load_mass=6.0),
+        make_plant(hook(0.01, 0.006, 1e-5)),
+        make_plant(hook(0.01, 0.05, 2e-3)),
+        make_plant(("backlash", "cart", {"gap": 0.001, "motor_mass": 0.05})),
+    ],
+    ids=[
+        "winch",
+        "light-cart",
+        "rope",
+        "wire",
+        "damped-rope",
+        "heavy-load",
+        "short-link",
+        "damped-link",
+        "light-motor",
+    ],
+)
+def test_no_step_is_too_long_for_the_fastest_motion_nor_much_too_short(plant):
+    step, rate = longest_step(plant, RIGID), fastest(plant)
+    # Both methods are stable to 2 at least; a power of two and the modes' mixing make a step shorter than it need be.
+    assert 0.1 < step * rate <= 1.05
+
+
+def test_a_rigid_bridge_keeps_its_step_and_hidden_masses_take_half():
+    assert longest_step(make_plant(), RIGID) == RIGID
+    soft = make_plant(("belt_compliance", "cart", {"stiffness": 2e3, "damping": 5.0, "motor_mass": 2.0}))
+    assert longest_step(soft, RIGID) == RIGID / 2
+
+
+def test_what_is_decided_within_a_step_does_not_ask_for_ever_shorter_ones():
+    stiff = make_plant(("belt_compliance", "cart", {"stiffness": 1e9, "damping": 5.0, "motor_mass": 2.0}))
+    assert longest_step(stiff, RIGID) == RIGID / 8
+
+
+def test_of_many_bridges_the_fastest_decides():
+    plants = [make_plant(rope(stiffness, 1.0)) for stiffness in (1e3, 1e5)]
+    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *plants)
+    assert longest_step(both, RIGID) == longest_step(plants[1], RIGID) < longest_step(plants[0], RIGID)
+    assert substeps(both, 0.02, RIGID) == round(0.02 / longest_step(plants[1], RIGID))
