@@ -4,7 +4,7 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jax import jit
+from jax import jit, jvp
 
 from ._types import AXES, Axes
 from .errors import InputError
@@ -12,20 +12,25 @@ from .identify.lanes import grid
 from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
+from .model.plant import Motion, Plant
 from .model.steps import substeps
 from .recordings import Recording
-from .rollout import RK4, readings, rollout
+from .rollout import RK4, read, readings, rollout
 
 _STEP = 0.0025
 """Longest step of a rigid bridge [s]."""
+_NEWTON = 6
+"""Steps that bring a start's readings to rounding errors: sensors are nearly linear."""
+_WOUND_IN = 0.02
+"""Rope [m] with which no swing is left."""
 
 
 def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     """Plays a recording's inputs to a model.
 
     The parts come from the recording's channels; where it has inputs alone, from the model and the initial values in
-    its sidecar. The run starts from the first measured sample (or `[initial]`), at rest, with drives that felt what was
-    commanded before.
+    its sidecar. The run starts at rest where the sensors would read the first measured sample (or at `[initial]`), with
+    drives that felt what was commanded before.
 
     Args:
         model: what moves.
@@ -60,6 +65,8 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     vector = np.array(table.ravel(plant), dtype=float)
     for name, value in recording.override.items():
         vector[table.positions(name)] = value
+    seen = [k for k, axis in enumerate(AXES) if getattr(recording, axis) is not None and axis not in recording.initial]
+    initial[seen] = _behind_sensors(table.unravel(jnp.asarray(vector)), recording.begun, initial[:3])[seen]
     on = grid(recording, max(recording.period, 1e-4))
     row_at = np.searchsorted(on.times, recording.times - recording.start)
     finer = substeps(plant, recording.period, _STEP)
@@ -79,11 +86,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     y = np.asarray(run(jnp.asarray(vector), jnp.asarray(initial), lane))[row_at]
     lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
     if len(lost):
-        raise InputError(
-            f"{model.source or 'the model'}: played the inputs of {recording.name}, it runs away "
-            f"{recording.times[lost[0]] - recording.times[0]:.3g} s after the start; see whether a mass is too small, "
-            "or a stiffness or damping too large, in SI units"
-        )
+        raise InputError(_runs_away(model, recording, y, int(lost[0])))
     out = {"t": recording.times}
     for name in ("u_x", "u_l"):
         if getattr(recording, name) is not None:
@@ -92,6 +95,30 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
         if parts[axis] or (axis == "l" and parts["psi"]):
             out[axis] = y[:, k]
     return out
+
+
+def _behind_sensors(plant: Plant, time: float, reading: np.ndarray) -> np.ndarray:
+    """Positions `x`, `psi`, `l` at rest of which the sensors would read this: a few steps of Newton's method."""
+    times, rest = jnp.array([time, time + 1.0]), Motion(*(jnp.zeros(2) for _ in range(6)))
+
+    def readings_at(q: jnp.ndarray) -> jnp.ndarray:
+        x, psi, l = (jnp.full(2, value) for value in q)  # noqa: E741
+        return read(plant, times, Motion(x, psi, l, motor=x, loaded=l, phi=psi), rest)[0]
+
+    q = jnp.asarray(reading)
+    for _ in range(_NEWTON):
+        found, slope = jvp(readings_at, (q,), (jnp.ones(3),))  # each sensor reads its own axis
+        q = q - (found - reading) / slope
+    return np.asarray(q)
+
+
+def _runs_away(model: Model, recording: Recording, y: np.ndarray, row: int) -> str:
+    whose, after = model.source or "the model", f"{recording.times[row] - recording.times[0]:.3g} s after the start"
+    if row > 0 and y[row - 1, 2] < _WOUND_IN:
+        fate, remedy = "has wound in all of its rope", "correct hoist_gain, or what holds the winch"
+    else:
+        fate, remedy = "runs away", "see whether a mass is too small, or a stiffness or damping too large, in SI units"
+    return f"{whose}: played the inputs of {recording.name}, it {fate} {after}; {remedy}"
 
 
 def _parts(model: Model, recording: Recording) -> dict[str, bool]:

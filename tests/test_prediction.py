@@ -115,6 +115,35 @@ def test_sensors_are_read(files):
     np.testing.assert_allclose(simulate(model, recording)["x"], closed_form(TIMES, 0.3) + 0.01, atol=1e-9)
 
 
+def test_a_run_starts_where_its_sensors_read_the_first_sample(files):
+    sensors = """
+[[effect]]
+kind = "sensor_scale"
+site = "x_sensor"
+scale = 3.0
+[[effect]]
+kind = "sensor_eccentricity"
+site = "x_sensor"
+amplitude = 0.004
+period = 0.2
+phase = 0.5
+[[effect]]
+kind = "sensor_offset"
+site = "x_sensor"
+offset = -0.02
+"""
+
+    def reading(way):
+        return 3.0 * (way + 0.004 * np.sin(2.0 * np.pi * way / 0.2 + 0.5)) - 0.02
+
+    columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.9 + 0.1 * TIMES}
+    found = simulate(*files(CART + sensors, columns))
+    assert found["x"][0] == pytest.approx(0.9, abs=1e-9)
+    ways = np.linspace(0.25, 0.35, 100_001)
+    start = np.interp(0.9, reading(ways), ways)
+    np.testing.assert_allclose(found["x"], reading(closed_form(TIMES, start)), atol=1e-7)
+
+
 def test_a_rope_needs_a_length(files):
     model, recording = files(ROPE_LOCKED, {"t": TIMES, "u_x": volts(TIMES)}, "[initial]\nx = 0.3\n")
     with pytest.raises(InputError, match=r"run\.csv: no rope length to start from"):
@@ -139,6 +168,12 @@ def test_a_run_that_no_step_resolves_is_refused(files):
     joint = '[[effect]]\nkind = "double_pendulum"\nsite = "swing"\nhook_mass = 0.001\nlink = 0.006\ndamping = 10.0\n'
     with pytest.raises(InputError, match=r"model\.toml: played the inputs of .*run\.csv, it runs away"):
         simulate(*hanging(files, joint))
+
+
+def test_a_winch_that_winds_in_all_of_its_rope_is_named(files):
+    columns = {"t": TIMES, "u_x": volts(TIMES), "u_l": np.full(len(TIMES), -4.0)}
+    with pytest.raises(InputError, match=r"it has wound in all of its rope .*correct hoist_gain"):
+        simulate(*files(BRIDGE, columns, "[initial]\nx = 0.3\nl = 0.3\npsi = 0.05\n"))
 
 
 def test_a_part_that_the_model_lacks_is_refused(files):

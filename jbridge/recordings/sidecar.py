@@ -1,12 +1,14 @@
-"""What a rig's owner declares beside a recording: `NAME.toml`, or a table in the folder's `recordings.toml`.
+"""What a rig's owner declares beside a recording: in `NAME.toml`, and in the folder's `recordings.toml`.
 
-A folder's file has one table per recording, under its quoted name or a pattern that several share:
+A folder's file has tables for recordings, under a quoted name or a pattern that several share:
 
     ["train-1.csv".columns]
     x = {column = "cart_mm", unit = "mm"}
 
     ["hoist_*.csv".override]
     load_mass = 0.25
+
+What fits a recording is put together, key by key: patterns first, then its own table, then `NAME.toml`.
 """
 
 import sys
@@ -65,28 +67,45 @@ class Sidecar:
         """Returns the column of a channel: the declared one, else the one of its name in SI units."""
         return self.columns[channel] if channel in self.columns else plain_column(channel)
 
+    def over(self, other: "Sidecar") -> "Sidecar":
+        """Returns both together; where both declare the same, this one counts."""
+        nothing = Sidecar()
+        return Sidecar(
+            source=" and ".join(filter(None, (other.source, self.source))),
+            columns={**other.columns, **self.columns},
+            hold={**other.hold, **self.hold},
+            resolution={**other.resolution, **self.resolution},
+            override={**other.override, **self.override},
+            initial={**other.initial, **self.initial},
+            locked=other.locked if self.locked is None else self.locked,
+            start=other.start if self.start == nothing.start else self.start,
+            stop=other.stop if self.stop == nothing.stop else self.stop,
+        )
+
 
 def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
-    """Returns what is declared for a recording: `NAME.toml` beside it, else its table in `recordings.toml`.
+    """Returns what is declared for a recording in the folder's `recordings.toml` and in `NAME.toml` beside it.
 
     Args:
         path: The recording.
-        given: A file to read instead, of either form.
+        given: A file to read instead of both, of either form.
 
     Raises:
         InputError: naming the file and the key.
     """
     own, folder = path.with_suffix(".toml"), path.with_name(FOLDER_FILE)
-    for candidate in (given,) if given is not None else (own, folder):
-        if given is None and not candidate.is_file():
-            continue
-        document = read_toml(candidate)
-        if candidate is not folder and not is_folder_file(candidate, document):
-            return parse_sidecar(Where(str(candidate)), document)
-        table = table_for(path, candidate, document)
-        if table is not None:
-            return parse_sidecar(*table)
-    return Sidecar()
+    beside = [file for file in dict.fromkeys((folder, own)) if file.is_file()]
+    found = Sidecar()
+    for file in beside if given is None else [given]:
+        document = read_toml(file)
+        whole = given is not None or file == own
+        if whole and not is_folder_file(file, document):
+            layers = [(Where(str(file)), document)]
+        else:
+            layers = tables_for(path, file, document)
+        for layer in layers:
+            found = parse_sidecar(*layer).over(found)
+    return found
 
 
 def read_toml(path: Path) -> dict[str, object]:
@@ -106,8 +125,8 @@ def is_folder_file(path: Path, document: Mapping[str, object]) -> bool:
     return named and not document.keys() & set(SECTIONS)
 
 
-def table_for(path: Path, file: Path, document: Mapping[str, object]) -> "tuple[Where, dict[str, object]] | None":
-    """Returns a recording's own table in a folder's file, else that of the one pattern that fits its name."""
+def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[tuple[Where, dict[str, object]]]":
+    """Returns the tables of a folder's file that fit a recording's name: those of patterns, then its own."""
     for key, value in document.items():
         if key in SECTIONS:
             raise InputError(
@@ -117,16 +136,26 @@ def table_for(path: Path, file: Path, document: Mapping[str, object]) -> "tuple[
         if isinstance(value, dict) and value.keys() <= {"csv", "mat"} and value:
             ending = next(iter(value))
             raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
-    fitting = [path.name] if path.name in document else []
-    fitting = fitting or [key for key in document if fnmatchcase(path.name, key)]
-    if len(fitting) > 1:
-        raise InputError(
-            f'{file}: the tables {listed(map(quoted, fitting))} all fit {path.name}; keep one, or write ["{path.name}"]'
-        )
-    if not fitting:
-        return None
-    where = Where(f'{file}, table "{fitting[0]}"')
-    return where, where.table(document, fitting[0])
+    patterns = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
+    own = [path.name] if path.name in document else []
+    fitting = {key: Where(f'{file}, table "{key}"') for key in (*patterns, *own)}
+    tables = {key: where.table(document, key) for key, where in fitting.items()}
+    refuse_contradictions(path, file, {key: tables[key] for key in patterns})
+    return [(where, tables[key]) for key, where in fitting.items()]
+
+
+def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:
+    """Of two patterns, neither is the nearer one."""
+    said: dict[tuple[str, str], str] = {}
+    for pattern, table in tables.items():
+        for section, declared in table.items():
+            for key in declared if isinstance(declared, dict) else ():
+                first = said.setdefault((section, key), pattern)
+                if first != pattern:
+                    raise InputError(
+                        f"{file}: the tables {listed(map(quoted, (first, pattern)))} both fit {path.name} and both say"
+                        f' {section}.{key}; keep one, or say it in ["{path.name}".{section}]'
+                    )
 
 
 @dataclass(frozen=True)

@@ -156,6 +156,26 @@ def test_a_recordings_own_table_comes_before_a_pattern(write, columns):
     assert load_recording(path).override == {"load_mass": 0.2}
 
 
+def test_what_fits_a_recording_is_put_together_and_the_nearer_counts(write, columns):
+    folder = """
+["*.csv".columns]
+x = "cart"
+["r*.csv".override]
+load_mass = 0.1
+cart_mass = 5.0
+["run.csv".override]
+load_mass = 0.2
+["run.csv".trim]
+start = 0.5
+"""
+    write(columns, folder, sidecar_name="recordings.toml")
+    path = write(renamed(columns, x="cart"), "[override]\ncart_mass = 6.0\n[trim]\nstop = 1.5\n")
+    recording = load_recording(path)
+    assert recording.has_cart
+    assert recording.override == {"load_mass": 0.2, "cart_mass": 6.0}
+    assert (recording.times[0], recording.times[-1]) == pytest.approx((0.5, 1.5))
+
+
 @pytest.mark.parametrize("form", ["[override]\nload_mass = 0.2\n", '["run.csv".override]\nload_mass = 0.2\n'])
 def test_a_sidecar_can_lie_elsewhere(write, columns, tmp_path, form):
     elsewhere = tmp_path / "mine"
@@ -245,7 +265,10 @@ def test_refused_in_a_folders_file(write, columns, sidecar, needles):
         ("[run.csv.columns]\nx = 'cart'", ["quotes", '["run.csv"]']),
         ('["run.csv"]\ncolums = 1', ['table "run.csv"', "'colums'", "columns"]),
         ('"run.csv" = 1', ["run.csv must be a table"]),
-        ('["r*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstart = 2', ["'r*.csv', '*n.csv'", '["run.csv"]']),
+        (
+            '["r*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstart = 2',
+            ["'r*.csv', '*n.csv'", "trim.start", '["run.csv".trim]'],
+        ),
     ],
 )
 def test_a_folders_file_is_refused(write, columns, folder, needles):

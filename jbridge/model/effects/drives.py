@@ -80,7 +80,7 @@ class GainAsymmetry(AbstractDrive):
 
 
 class GainDrift(AbstractDrive):
-    """Gain `1 + rate t`: a motor that heats, a supply that sags."""
+    """Gain `1 + rate t`, `t` from the first row that is used: a motor that heats, a supply that sags."""
 
     kind: ClassVar[str] = "gain_drift"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
