@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 
+from .._threads import one_thread_each
 from ..identify.base import WINDOW
 from ..identify.evaluate import traces
 from ..identify.setting import Setting, make_setting, with_a_scale
@@ -28,6 +29,7 @@ from .trials import EFFECTIVE
 from .words import verdict_sentence
 
 
+@one_thread_each
 def diagnose(
     model: Model,
     recordings: Sequence[Recording],

@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
+from .._threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..recordings import Recording
@@ -15,6 +16,7 @@ from .setting import make_setting, resolve, with_a_scale
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
 
 
+@one_thread_each
 def fit(
     model: Model,
     recordings: Sequence[Recording],
