@@ -21,7 +21,9 @@ from . import stages
 from .lanes import Batch, Lanes
 
 _ROWS = 4
-"""Rows in one call of the compiled program."""
+"""Rows in one call of the compiled program,"""
+_LARGE = 40 * 2**20
+"""or one alone, where the tangents of one coordinate at all steps of so many would take more [byte]."""
 _THREADS = 2
 
 
@@ -71,8 +73,10 @@ class Engine:
         places = np.full((rows, columns), -1, np.int64)
         places[:, : free.shape[1]] = free
         jobs: list[tuple[NDArray, NDArray, NDArray]] = []
+        lanes, steps = batch.lanes.lane.dt.shape
+        tangents = 8 * _ROWS * lanes * steps * batch.substeps * (columns + initial.shape[2])
         # Few rows run one after the other in the program that a single fit needs anyway.
-        width = 1 if rows < _ROWS else _ROWS
+        width = 1 if rows < _ROWS or tangents > _LARGE else _ROWS
         for a in range(0, rows, width):
             # A short last call repeats its last row: one shape, one program.
             take = np.minimum(np.arange(a, a + width), rows - 1)
