@@ -22,7 +22,7 @@ from .lanes import Batch, Lanes
 
 _ROWS = 4
 """Rows in one call of the compiled program,"""
-_LARGE = 40 * 2**20
+_LARGE = 12 * 2**20
 """or one alone, where the tangents of one coordinate at all steps of so many would take more [byte]."""
 _THREADS = 2
 
