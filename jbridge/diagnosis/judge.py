@@ -62,7 +62,7 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     state, steps = made.explained.state, made.explained.steps
     curve = None
     if made.alarm and state.worst > LARGE and made.left_repeats:
-        curve = force_without_a_name(made.search, state)
+        curve = made.explained.curve or force_without_a_name(made.search, state)
     if made.given is not None and curve is None:
         first, last = made.given, made.completed or made.given
     else:
@@ -76,10 +76,11 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
             last = freeze(fit_finely(last_fit(state) if steps else LastFit.of(made.base)), setting, made.base)
         # Of two, only the completed one leaves so little that finer steps show.
         first = freeze(LastFit.of(made.base), setting, made.base) if changed else last
-    # What has a name keeps the numbers that it had before the curve.
-    values, hardly_told = numbers(last.fit if curve is None else last_fit(state), setting)
-    if curve is not None:
-        values = numbers(last.fit, setting)[0] | values
+    values, hardly_told = numbers(last.fit, setting)
+    if curve is not None and made.explained.curve is None:
+        # What has a name keeps the numbers that it had before the curve.
+        own, hardly_told = numbers(last_fit(state), setting)
+        values |= own
     # Windows say nothing of free runs, and a force without a name explains nothing.
     judged = curve is None and made.search.window is None
     unprepared = surprise(last.fit, last.holdout) if judged else None

@@ -14,7 +14,7 @@ from .trials import State, several
 
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
-_PAYS = 0.05
+PAYS = 0.05
 """Share of the cost on recordings left out that twice the knots must gain."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
 _Map = PositionDependentFriction | PositionDirectionFriction
@@ -56,7 +56,7 @@ def finer(search: Search, state: State, place: int = -1) -> State:
     friction = _map_of(state, state.accepted[place])
     while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
         found = _with_knots(search, state, friction, count)
-        if found.cross_validated > state.cross_validated * (1 - _PAYS):
+        if found.cross_validated > state.cross_validated * (1 - PAYS):
             break
         state = found
         friction = _map_of(state, state.accepted[place])

@@ -10,9 +10,10 @@ from ..identify.finer import fit_finely
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE, channels, is_large
 from .candidates import Candidate, has_hidden_state
+from .curve import of_place_alone
 from .freeze import last_fit
 from .mechanisms import mechanisms
-from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
+from .revise import SUPERFLUOUS, coarser, finer, prune, simplify, without
 from .screen import Screen
 from .search import Search, state_of
 from .swaps import compare_look_alikes
@@ -58,6 +59,8 @@ class Explained:
     """Of the last round, in which nothing more was accepted."""
     refused: list[tuple[Trial, str]]
     """The trials of that round, and why each did not pass."""
+    curve: State | None = None
+    """The model with a force that hangs on the place alone, where a map of friction would have played it."""
 
 
 def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explained | None = None) -> Explained:
@@ -145,7 +148,18 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
-    return Explained(state, steps, learnable, after, screened, left)
+    curve = None
+    for candidate in state.accepted:
+        if (curve := of_place_alone(search, state, candidate)) is not None:
+            # It explains what it does, but it is no friction, and such a force has no name.
+            plant, known = without(search, state, candidate)
+            state = search.polish(plant, known, state.initial, curve.accepted)
+            gone = next(step for step in steps if step.chosen.candidate.name == candidate.name)
+            left = [(gone.chosen, "a force of the place alone does as well"), *left]
+            steps = [step for step in steps if step is not gone]
+            after = learnable
+            break
+    return Explained(state, steps, learnable, after, screened, left, curve)
 
 
 def _quiet(search: Search, state: State) -> bool:

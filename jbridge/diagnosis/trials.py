@@ -139,7 +139,8 @@ def cross_validated(
         inside = groups == r
         matrix = reduced.by_lane[~inside].sum(axis=0) + prior
         gradient = reduced.gradient_by_lane[~inside].sum(axis=0) + pull
-        scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+        # Of knots that no recording passes only what is known beforehand says anything.
+        scale = np.sqrt(np.maximum(np.diag(reduced.matrix + prior), 1e-300))
         scaled = matrix / np.outer(scale, scale)
         step = -np.linalg.solve(scaled + 1e-7 * np.eye(count), gradient / scale) / scale if count else np.zeros(0)
         own = products[inside, -1, -1].sum()

@@ -243,8 +243,12 @@ def verdict_sentence(
     found = " What was found explains a part of it only." if effects else ""
     found += like
     if curve:
-        found += " The model file keeps the missing force as a curve, so that its simulation is usable all the same."
+        way = "falls" if proof.after < proof.before else "goes"
+        found += (
+            f" The model file keeps the missing force as a curve, with which the error on the hold-out {way} from "
+            f"{_times(proof.before)} to {_times(proof.after)} times the noise in {proof.measure}."
+        )
     return (
         f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "
-        f"{_times(final)} times the noise.{found}"
+        f"{_times(ratio if curve else final)} times the noise.{found}"
     )
