@@ -57,13 +57,16 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     cost = last_fit(state).gram.cost[0]
     few = worst_met(recordings, [float(cost[state.batch.recording == i].sum()) for i in range(len(recordings))])
     lanes = lanes_for(state.engine.table, state.plant, search.setting, few, WINDOW)
-    width = columns_for(len(state.free))
-    without = solve(state.engine, lanes, state.vector[None], [state.free], columns=width, iterations=5, tolerance=1e-2)
+    # Dozens of levels of a map cost most of the time, and do not decide which seed is best.
+    moving = np.array([not state.engine.table.entry(int(place)).info.vector for place in state.free], bool)
+    fewer = state.free[moving]
+    width = columns_for(len(fewer))
+    without = solve(state.engine, lanes, state.vector[None], [fewer], columns=width, iterations=5, tolerance=1e-2)
 
     def contest(seeds: list[Candidate]) -> _Contest:
         engine, vector, free = search.extended(state, seeds[0])
         rows = np.array([seed.set(engine.table, vector) for seed in seeds])
-        places = np.concatenate([free, seeds[0].places(engine.table)])
+        places = np.concatenate([free[moving], seeds[0].places(engine.table)])
         plant = engine.table.unravel(rows[0])
         if seeds[0].kind == _RINGS:
             more = [*seeds, *stiffer(seeds)]
