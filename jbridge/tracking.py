@@ -17,9 +17,6 @@ from .model.files import Model, requires
 from .model.steps import substeps
 from .signals import Path
 
-_STEP = 0.005
-"""Longest integration step of a rigid bridge [s]."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Tracking:
@@ -77,7 +74,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         jnp.asarray(initial),
         Reference(*(jnp.asarray(values) for values in path[1:])),
         period=period,
-        substeps=substeps(plant, period, _STEP),
+        substeps=substeps(plant, period),
         memory=periods_remembered(plant, period),
     )
     position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)

@@ -24,8 +24,6 @@ from ..signals import along, durations
 from ..summaries import UNITS, MoveSummary, is_sound
 from .spec import Sweep
 
-_STEP = 0.005
-"""Longest integration step of a rigid bridge [s]."""
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
 _LATE = 0.75
@@ -144,13 +142,13 @@ def _substeps(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: d
     def needed(name: str, value: float) -> int:
         row = hardest.copy()
         row[places[name]] = value
-        return substeps(table.unravel(jnp.asarray(row)), period, _STEP)
+        return substeps(table.unravel(jnp.asarray(row)), period)
 
     for axis in sweep.design.axes:
         if axis.name in places:
             # Each number makes a bridge faster or slower whatever the others are.
             hardest[places[axis.name]] = max((axis.low, axis.high), key=lambda value: needed(axis.name, value))
-    return substeps(table.unravel(jnp.asarray(hardest)), period, _STEP)
+    return substeps(table.unravel(jnp.asarray(hardest)), period)
 
 
 def _memory(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:

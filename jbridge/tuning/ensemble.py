@@ -23,8 +23,6 @@ from ..signals import Path, along, durations
 from .objectives import Leg
 
 _along = jax.jit(along)
-_STEP = 0.005
-"""Longest integration step of a rigid bridge [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,7 +217,7 @@ class Course:
         self.period = period
         self.count = math.ceil(legs.seconds / period) + 1
         self._states = 6 + 2 * len(plant.mechanisms)
-        self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period, _STEP)
+        self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period)
         self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)
         self.moves = self._moves()
 

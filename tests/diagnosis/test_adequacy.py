@@ -98,6 +98,15 @@ def test_what_was_not_measured_does_not_count(batch):
     assert found["x"].rmse == 0.0
 
 
+def asked_of_both(question, before, after):
+    """An answer from errors over noise of free runs, and of windows, where the others say the opposite."""
+    noise = {"x": 1e-3, "l": 1e-4}
+    away, good = ({axis: 1e3 * noise[axis] for axis in noise}, dict(noise))
+    scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
+    runs = question(*(Errors(s, away) for s in scaled), noise, windows=False)
+    return runs, question(*(Errors(good, s) for s in scaled), noise, windows=True)
+
+
 @pytest.mark.parametrize(
     ("before", "after", "holds"),
     [
@@ -109,11 +118,7 @@ def test_what_was_not_measured_does_not_count(batch):
 )
 def test_a_gap_must_close_on_the_holdout_too(before, after, holds):
     """Half of the excess of the worst channel, or down to what counts as small."""
-    noise = {"x": 1e-3, "l": 1e-4}
-    away, good = ({axis: 1e3 * noise[axis] for axis in noise}, dict(noise))
-    scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
-    assert carries_over(*(Errors(s, away) for s in scaled), noise, windows=False) is holds
-    assert carries_over(*(Errors(good, s) for s in scaled), noise, windows=True) is holds
+    assert asked_of_both(carries_over, before, after) == (holds, holds)
 
 
 @pytest.mark.parametrize(
@@ -128,11 +133,7 @@ def test_a_gap_must_close_on_the_holdout_too(before, after, holds):
     ],
 )
 def test_names_that_leave_the_holdout_as_it_was_are_vain(before, after, vain):
-    noise = {"x": 1e-3, "l": 1e-4}
-    away, good = ({axis: 1e3 * noise[axis] for axis in noise}, dict(noise))
-    scaled = [{axis: ratio * noise[axis] for axis, ratio in ratios.items()} for ratios in (before, after)]
-    assert in_vain(*(Errors(s, away) for s in scaled), noise, windows=False) is vain
-    assert in_vain(*(Errors(good, s) for s in scaled), noise, windows=True) is vain
+    assert asked_of_both(in_vain, before, after) == (vain, vain)
 
 
 @pytest.mark.parametrize(
