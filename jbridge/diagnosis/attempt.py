@@ -37,8 +37,8 @@ from .revise import SUPERFLUOUS
 from .rounds import DRIFTING, QUIET, Explained, accept_effects
 from .search import BOOTSTRAP, Search, state_of
 from .surprise import surprise
-from .tell import Step
-from .trials import State, Trial, transfer
+from .tell import refused_with
+from .trials import State, transfer
 
 _NOT_PROVEN = "does not hold on the hold-out"
 
@@ -218,7 +218,9 @@ def _gone_on(
         return more, whole
     before = {step.number for step in explained.steps}
     new = [step for step in more.steps if step.number not in before]
-    return dataclasses.replace(explained, screened=more.screened, refused=[*_unproven(new), *more.refused]), completed
+    return dataclasses.replace(
+        explained, screened=more.screened, refused=[*refused_with(new, _NOT_PROVEN), *more.refused]
+    ), completed
 
 
 def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> bool:
@@ -231,20 +233,8 @@ def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> b
 def _refuted(explained: Explained, search: Search, base: BaseFit, why: str = _NOT_PROVEN) -> Explained:
     """Nothing accepted, for a reason that came to light afterwards."""
     state = state_of(base.engine, base.free_run, base.fits, search.known)
-    refused = [*_unproven(explained.steps, why), *explained.refused]
+    refused = [*refused_with(explained.steps, why), *explained.refused]
     return Explained(state, [], nan, nan, explained.screened, refused)
-
-
-def _unproven(steps: Sequence[Step], why: str = _NOT_PROVEN) -> list[tuple[Trial, str]]:
-    """The trials of rounds whose choice is not borne out, and why each is not taken."""
-    return [
-        (
-            trial,
-            why if trial is step.chosen else step.refused.get(trial.candidate.name, "") or "explains less",
-        )
-        for step in steps
-        for trial in step.trials
-    ]
 
 
 def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:
@@ -260,7 +250,7 @@ def as_good(base: BaseFit, explained: Explained) -> BaseFit | None:
     Then nothing was missing but a better start.
     """
     state = explained.state
-    if not explained.steps or measurements(state.batch) != measurements(base.fitted):
+    if not (explained.steps or explained.curve) or measurements(state.batch) != measurements(base.fitted):
         return None
     better = begun_anew(base, transfer(state.engine.table, state.vector, base.engine.table, base.vector))
     most = min((1 + SUPERFLUOUS) * state.cost, (1 - SUPERFLUOUS) * float(base.fits.cost[0]))

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from ..identify.setting import scene_of
+from ..model.effects.base import AbstractEffect, AbstractFriction
 from ..model.effects.catalogue import make_effect
 from ..model.effects.forces import ResidualForce
 from ..model.effects.friction import CoulombFriction, PositionDirectionFriction
@@ -16,7 +17,8 @@ from .trials import State, Trial, several
 
 _CURVE_PAYS = 0.8
 """Cost, relative to the model without it, that a force without a name must reach to be kept."""
-_MOST_PLACES = 57
+_MOST_PLACES = 49
+"""Knots in place of the finest curve."""
 _CONSTANT = 0.5
 """Variance over place of what a map has in both directions, relative to that of half their difference, up to which it
 may be a force and the same friction everywhere."""
@@ -28,7 +30,10 @@ def force_without_a_name(search: Search, state: State) -> State | None:
     Its knots in place are doubled as long as that is worth it.
     """
     scene = scene_of(search.setting, state.plant)
-    seeds = unnamed_forces(search.setting, scene)
+    # A model file that keeps a curve already has it at that axis.
+    seeds = [seed for seed in unnamed_forces(search.setting, scene) if not _has_curve(state, seed.site)]
+    if not seeds:
+        return None
     search.progress("fitting a force without a name")
     best = min(search.each(lambda seed: _with_curve(search, state, seed), seeds), key=lambda t: t.cost)
     while several(state.batch) and 2 * len(best.candidate.values["places"]) - 1 <= _MOST_PLACES:
@@ -49,7 +54,7 @@ def _with_curve(search: Search, state: State, seed: Candidate) -> Trial:
 
 def _twice_as_fine(trial: Trial) -> Candidate:
     """The same force with a knot more in every gap."""
-    force = next(e for e in trial.plant.effects if isinstance(e, ResidualForce))
+    force = next(trial.plant.all(ResidualForce, trial.candidate.site))
     old = np.asarray(force.places)
     places = np.linspace(old[0], old[-1], 2 * len(old) - 1)
     values = {
@@ -61,19 +66,24 @@ def _twice_as_fine(trial: Trial) -> Candidate:
     return dataclasses.replace(trial.candidate, values=values)
 
 
-def of_place_alone(search: Search, state: State, accepted: Candidate) -> State | None:
-    """The model with a force that hangs on the place alone, if that is what an accepted map of friction plays.
+def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[State, State] | None:
+    """The model without an accepted map of friction, and with a force that hangs on the place alone instead.
 
     A map by place and direction can play any such force, a hollow in the rail or a magnet: it hinders one way where
-    it helps the other. That is not friction, and with as many numbers the force follows it twice as closely.
+    it helps the other. That is not friction, and with as many numbers the force follows it twice as closely. What the
+    map has in common everywhere is Coulomb friction, which the first model keeps, too.
 
     Args:
         search: what can be tried.
         state: the model with the map.
-        accepted: the map; any other explanation gives None.
+        accepted: the map.
+
+    Returns:
+        None for another explanation, and where the force explains less.
     """
+    site = accepted.site
     friction = next((e for e in state.plant.effects if (e.kind, e.site) == accepted.name), None)
-    if not isinstance(friction, PositionDirectionFriction) or not several(state.batch):
+    if not isinstance(friction, PositionDirectionFriction) or _has_curve(state, site):
         return None
     both = 0.5 * np.asarray(friction.positive + friction.negative)
     force = 0.5 * np.asarray(friction.negative - friction.positive)
@@ -81,15 +91,29 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> State |
         return None
     search.progress("trying a force of the place alone instead")
     plant, known = without(search, state, accepted)
-    plain = [e for e in plant.effects if isinstance(e, CoulombFriction) and e.site == friction.site]
-    level = sum((float(e.level) for e in plain), float(both.mean()))
-    rest = [e for e in plant.effects if not any(e is other for other in plain)]
+    others = [a for a in state.accepted if a is not accepted]
+    if not any(plant.all(AbstractFriction, site)):
+        plain = Candidate(CoulombFriction.kind, site, {"level": float(both.mean())}, ("level",), False)
+        plant = plant.adding(make_effect(plain.kind, site, plain.values))
+        others.append(plain)
+    elif f"{CoulombFriction.kind}@{site}.level" not in known:
+        plant = Plant(plant.bridge, tuple(_with_more(e, site, float(both.mean())) for e in plant.effects))
+    bare = search.polish(plant, known, state.initial, tuple(others))
     old = np.asarray(friction.knots)
     places = np.linspace(old[0], old[-1], 2 * len(old) - 1)
     values = {"places": places, "by_place": np.interp(places, old, force), "speeds": [-1.0, 1.0], "by_speed": [0, 0]}
-    dry = make_effect(CoulombFriction.kind, friction.site, {"level": level})
-    curve = make_effect(ResidualForce.kind, friction.site, values)
-    known |= {f"{ResidualForce.kind}@{friction.site}.by_speed"}
-    others = tuple(a for a in state.accepted if a is not accepted)
-    found = search.polish(Plant(plant.bridge, (*rest, dry, curve)), known, state.initial, others)
-    return found if found.cost < state.cost * (1 + SUPERFLUOUS) else None
+    known |= {f"{ResidualForce.kind}@{site}.by_speed"}
+    curved = plant.adding(make_effect(ResidualForce.kind, site, values))
+    found = search.polish(curved, known, state.initial, tuple(others))
+    return (bare, found) if found.cost < state.cost * (1 + SUPERFLUOUS) else None
+
+
+def _with_more(effect: AbstractEffect, site: str, level: float) -> AbstractEffect:
+    """The same, or a site's Coulomb friction with a larger level."""
+    if not isinstance(effect, CoulombFriction) or effect.site != site:
+        return effect
+    return dataclasses.replace(effect, level=effect.level + level)
+
+
+def _has_curve(state: State, site: str) -> bool:
+    return any(state.plant.all(ResidualForce, site))

@@ -62,7 +62,13 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     state, steps = made.explained.state, made.explained.steps
     curve = None
     if made.alarm and state.worst > LARGE and made.left_repeats:
-        curve = made.explained.curve or force_without_a_name(made.search, state)
+        curve = made.explained.curve
+        if curve is None or curve.worst > LARGE:
+            curve = min(
+                (s for s in (curve, force_without_a_name(made.search, state)) if s is not None),
+                key=lambda s: s.cost,
+                default=None,
+            )
     if made.given is not None and curve is None:
         first, last = made.given, made.completed or made.given
     else:
@@ -77,7 +83,7 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
         # Of two, only the completed one leaves so little that finer steps show.
         first = freeze(LastFit.of(made.base), setting, made.base) if changed else last
     values, hardly_told = numbers(last.fit, setting)
-    if curve is not None and made.explained.curve is None:
+    if curve is not None and curve is not made.explained.curve:
         # What has a name keeps the numbers that it had before the curve.
         own, hardly_told = numbers(last_fit(state), setting)
         values |= own

@@ -10,6 +10,7 @@ from ..identify.base import WINDOW, columns_for, measurements
 from ..identify.linearise import Engine
 from ..identify.setting import lanes_for
 from ..identify.solve import solve
+from ..model.parameters import ParameterTable
 from ..recordings import Recording
 from .candidates import Candidate
 from .freeze import last_fit
@@ -22,10 +23,14 @@ _RINGS = "belt_compliance"
 """What rings. In a window of seconds its phase must be right before a fit sees the way; in a short one it need not."""
 _STIFFER = (2.5, 7.0, 20.0)
 """How much stiffer it is tried beyond the stiffest seed."""
+_SHARES = (0.8, 1.25)
+"""Motor's inertia, relative to that of a belt which won, of others that are refitted beside it."""
 _SHORT = 0.5
 """Length of these windows [s]."""
 _NEAR = 4
 """Winners on them that compete with the seeds on longer ones."""
+_FEW_LEVELS = 16
+"""Levels of maps that are fitted while seeds compete."""
 _FEW = 2
 """Recordings on which seeds compete,"""
 _LONG = 1.5
@@ -57,8 +62,9 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     cost = last_fit(state).gram.cost[0]
     few = worst_met(recordings, [float(cost[state.batch.recording == i].sum()) for i in range(len(recordings))])
     lanes = lanes_for(state.engine.table, state.plant, search.setting, few, WINDOW)
-    # Dozens of levels of a map cost most of the time, and do not decide which seed is best.
-    moving = np.array([not state.engine.table.entry(int(place)).info.vector for place in state.free], bool)
+    # Dozens of levels would take most of the time: those of fine maps stay as they are while seeds compete.
+    level = np.array([state.engine.table.entry(int(place)).info.vector for place in state.free], bool)
+    moving = ~level | (level.sum() <= _FEW_LEVELS)
     fewer = state.free[moving]
     width = columns_for(len(fewer))
     without = solve(state.engine, lanes, state.vector[None], [fewer], columns=width, iterations=5, tolerance=1e-2)
@@ -95,8 +101,29 @@ def mechanisms(search: Search, state: State, only: tuple[str, str] | None = None
     enough = max(_PROMISING * least, least - 0.5 * max(least - measurements(lanes), 0.0))
     if only is None:  # what was asked for by its name is to be compared in any case
         winners = [w for w in winners if w.cost < enough]
-    winners = winners[:2]
-    return search.each(lambda w: search.refit_rows(state, [w.candidate], w.engine, w.vector[None], w.free), winners)
+
+    def refit(winner: _Contest) -> Trial:
+        rows = [winner.vector]
+        if winner.candidate.kind == _RINGS:
+            rows += _ringing_alike(winner.engine.table, winner.vector, winner.candidate)
+        return search.refit_rows(state, [winner.candidate] * len(rows), winner.engine, np.array(rows), winner.free)
+
+    return search.each(refit, winners[:2])
+
+
+def _ringing_alike(table: ParameterTable, vector: NDArray[np.float64], belt: Candidate) -> list[NDArray[np.float64]]:
+    """Belts that ring as fast with other shares of the mass at the motor: there a fit may get stuck between."""
+    stiffness, motor = (table.positions(belt.group(key))[0] for key in ("stiffness", "motor_mass"))
+    mass = vector[table.positions("cart_mass")[0]]
+    found = []
+    for factor in _SHARES:
+        other = vector.copy()
+        other[motor] = min(factor * vector[motor], 0.9 * mass)
+        # The masses swing against each other.
+        both, before = (v[motor] * (mass - v[motor]) for v in (other, vector))
+        other[stiffness] *= both / before
+        found.append(other)
+    return found
 
 
 def worst_met(recordings: Sequence[Recording], cost: Sequence[float]) -> tuple[Recording, ...]:

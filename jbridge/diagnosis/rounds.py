@@ -13,11 +13,11 @@ from .candidates import Candidate, has_hidden_state
 from .curve import of_place_alone
 from .freeze import last_fit
 from .mechanisms import mechanisms
-from .revise import SUPERFLUOUS, coarser, finer, prune, simplify, without
+from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .swaps import compare_look_alikes
-from .tell import HOLDS, Step
+from .tell import HOLDS, Step, refused_with
 from .ties import look_alikes, ties
 from .trials import State, Trial, accepts, as_trial, explained, floor_of, held, several
 
@@ -58,7 +58,7 @@ class Explained:
     screened: Screen | None
     """Of the last round, in which nothing more was accepted."""
     refused: list[tuple[Trial, str]]
-    """The trials of that round, and why each did not pass."""
+    """The trials of that round, or of one whose choice was withdrawn, and why each did not pass."""
     curve: State | None = None
     """The model with a force that hangs on the place alone, where a map of friction would have played it."""
 
@@ -148,18 +148,36 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
-    curve = None
+    done = Explained(state, steps, learnable, after, screened, left)
     for candidate in state.accepted:
-        if (curve := of_place_alone(search, state, candidate)) is not None:
-            # It explains what it does, but it is no friction, and such a force has no name.
-            plant, known = without(search, state, candidate)
-            state = search.polish(plant, known, state.initial, curve.accepted)
-            gone = next(step for step in steps if step.chosen.candidate.name == candidate.name)
-            left = [(gone.chosen, "a force of the place alone does as well"), *left]
-            steps = [step for step in steps if step is not gone]
-            after = learnable
-            break
-    return Explained(state, steps, learnable, after, screened, left, curve)
+        alone = of_place_alone(search, state, candidate)
+        if alone is not None:
+            return _without_friction(search, done, candidate, *alone)
+    return done
+
+
+def _without_friction(search: Search, done: Explained, friction: Candidate, bare: State, curved: State) -> Explained:
+    """What was accepted less a map of friction, since a force of the place alone does as well and has no name.
+
+    Args:
+        search: what can be tried.
+        done: with the map.
+        friction: the map.
+        bare: the model without it,
+        curved: and with the force.
+    """
+    gone = next(step for step in done.steps if step.chosen.candidate.name == friction.name)
+    steps = [step for step in done.steps if step is not gone]
+    before = {candidate.name for candidate in done.state.accepted}
+    for plain in bare.accepted:
+        if plain.name not in before:  # the friction that is the same everywhere
+            chosen = as_trial(curved, plain, gone.chosen.z)
+            steps.append(Step(gone.number, chosen, [chosen], {}))
+    screened = search.look(bare)
+    share = held(bare, as_trial(curved, friction, gone.chosen.z), floor_of([gone.chosen]))
+    after = max(screened.learnable, min(share, 1.0))
+    refused = refused_with([gone], "a force of the place alone does as well")
+    return Explained(bare, steps, done.learnable, after, screened, refused, curved)
 
 
 def _quiet(search: Search, state: State) -> bool:

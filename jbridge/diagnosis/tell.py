@@ -214,3 +214,12 @@ def trials_of(steps: list[Step], refused: Sequence[tuple[Trial, str]]) -> tuple[
     rounds = max((step.number for step in steps), default=0) + 1
     rows += [row(rounds, trial, why) for trial, why in refused]
     return tuple(rows)
+
+
+def refused_with(steps: Sequence[Step], why: str) -> list[tuple[Trial, str]]:
+    """The trials of rounds whose choice does not stand, for a reason, and why each was not taken."""
+    return [
+        (trial, why if trial is step.chosen else step.refused.get(trial.candidate.name, "") or "explains less")
+        for step in steps
+        for trial in step.trials
+    ]

@@ -136,6 +136,14 @@ class Elsewhere(NamedTuple):
     """Error over noise there."""
 
 
+def _gap(proof: Proof) -> str:
+    way = "falls" if proof.after < proof.before else "goes"
+    return (
+        f"the error on the hold-out {way} from {_times(proof.before)} to {_times(proof.after)} times the noise "
+        f"in {proof.measure}."
+    )
+
+
 def verdict_sentence(
     verdict: str,
     effects: Sequence[NamedEffect],
@@ -213,11 +221,7 @@ def verdict_sentence(
         between = "; " if any("," in name for name in names) else ", "
         listed = names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in effects) else "The model lacks physics"
-        way = "falls" if proof.after < proof.before else "goes"
-        gain = (
-            f"the error on the hold-out {way} from {_times(proof.before)} to {_times(proof.after)} times the noise "
-            f"in {proof.measure}."
-        )
+        gain = _gap(proof)
         if abroad is not None:
             (a, b), (c, d) = abroad.asked, abroad.learned
             gain = (
@@ -243,11 +247,7 @@ def verdict_sentence(
     found = " What was found explains a part of it only." if effects else ""
     found += like
     if curve:
-        way = "falls" if proof.after < proof.before else "goes"
-        found += (
-            f" The model file keeps the missing force as a curve, with which the error on the hold-out {way} from "
-            f"{_times(proof.before)} to {_times(proof.after)} times the noise in {proof.measure}."
-        )
+        found += f" The model file keeps the missing force as a curve. With {'both' if effects else 'it'} {_gap(proof)}"
     return (
         f"Something repeatable is missing at the {where}, and nothing in the catalogue explains it: errors reach "
         f"{_times(ratio if curve else final)} times the noise.{found}"

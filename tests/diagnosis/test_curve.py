@@ -1,10 +1,13 @@
 """A force without a name explains what is left, and leaves the numbers that have names alone."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.curve import force_without_a_name, of_place_alone
+from jbridge.diagnosis.diagnose import diagnose
 from jbridge.diagnosis.search import Search, state_of
 from jbridge.identify.base import base_fit
 from jbridge.identify.linearise import Engine
@@ -32,6 +35,7 @@ def test_a_curve_takes_up_what_is_left_and_nothing_else():
 
 
 KNOTS = np.linspace(0.2, 1.3, 8)
+WAYS = {"positive": 1.0, "negative": -1.0}
 MAP = Candidate("position_direction_friction", "cart", {}, ("positive", "negative"), False)
 
 
@@ -46,27 +50,44 @@ def with_a_map(*effects):
     return search, search.polish(model.plant, model.known, guess, (MAP,))
 
 
+HOLLOW = 1.5 * np.sin(2 * np.pi * KNOTS / 0.5)
+CURVE = {"places": list(KNOTS), "by_place": list(HOLLOW), "speeds": [-1.0, 1.0], "by_speed": [0.0, 0.0]}
+
+
 @pytest.mark.slow
 def test_a_force_of_the_place_is_no_friction():
-    hollow = 1.5 * np.sin(2 * np.pi * KNOTS / 0.5)
-    curve = {"places": list(KNOTS), "by_place": list(hollow), "speeds": [-1.0, 1.0], "by_speed": [0.0, 0.0]}
-    search, state = with_a_map(("residual_force", "cart", curve))
-    found = of_place_alone(search, state, MAP)
-    assert found is not None and found.accepted == () and len(found.free) <= len(state.free)
-    assert found.cost < 1.02 * state.cost
+    search, state = with_a_map(("residual_force", "cart", CURVE))
+    bare, found = of_place_alone(search, state, MAP)
+    # The model that was given has no friction at all: what is the same everywhere keeps its name.
+    assert [a.name for a in bare.accepted] == [a.name for a in found.accepted] == [("coulomb_friction", "cart")]
+    assert bare.chi > 3.0 and found.chi < 1.1 and len(found.free) <= len(state.free)
+    assert float(found.plant.effects[0].level) == pytest.approx(DRY[2]["level"], rel=0.01)
     told = found.plant.effects[-1]
     assert told.kind == "residual_force" and not np.any(told.by_speed)
     inside = (KNOTS > 0.4) & (KNOTS < 1.1)
-    np.testing.assert_allclose(np.interp(KNOTS, told.places, told.by_place)[inside], hollow[inside], atol=0.1)
+    np.testing.assert_allclose(np.interp(KNOTS, told.places, told.by_place)[inside], HOLLOW[inside], atol=0.1)
+    # A model file that keeps a curve cannot be given another one there.
+    assert of_place_alone(search, dataclasses.replace(found, accepted=(MAP,)), MAP) is None
+    assert force_without_a_name(search, found) is None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.0, 0.7])
-def test_friction_by_place_and_direction_is_no_force_of_the_place(share):
-    """The less its levels in both directions have in common, the more it looks like one."""
-    common, apart = np.sin(7 * KNOTS), np.cos(9 * KNOTS)
-    levels = {"positive": 1.5 + common + share * apart, "negative": 1.5 + common - share * apart}
-    friction = {"knots": list(KNOTS)} | {key: list(level - 0.3) for key, level in levels.items()}
+@pytest.mark.parametrize(("common", "apart"), [(1.0, 0.0), (1.0, 0.7), (0.5, 1.0)])
+def test_friction_by_place_and_direction_is_no_force_of_the_place(common, apart):
+    """The less its levels in both directions have in common, the more it looks like one: of the last, a fit decides."""
+    levels = {way: 1.5 + common * np.sin(7 * KNOTS) + sign * apart * np.cos(9 * KNOTS) for way, sign in WAYS.items()}
+    friction = {"knots": list(KNOTS)} | {way: list(level) for way, level in levels.items()}
     search, state = with_a_map(("position_direction_friction", "cart", friction))
     assert state.chi < 1.1
     assert of_place_alone(search, state, MAP) is None
+
+
+@pytest.mark.slow
+def test_a_force_of_the_place_is_unknown_and_kept_as_a_curve():
+    runs = cart_recordings(make_plant(DRY, ("residual_force", "cart", CURVE), cart_damping=30.0), 5, seed=5)
+    found = diagnose(cart_model(DRY, cart_damping=40.0), runs[:4], runs[4:])
+    assert found.verdict == "unknown" and found.effects == () and found.location.site == "cart"
+    assert found.model.plant.effects[-1].kind == "residual_force"
+    before, after = found.holdout_before.free_run["x"], found.holdout_after.free_run["x"]
+    assert after < 2 * found.noise["x"] < 0.2 * before
+    assert any("a force of the place alone" in trial["why"] for trial in found.trials)

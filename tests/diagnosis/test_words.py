@@ -54,8 +54,13 @@ def said(verdict, effects=(), after=AFTER, *, unproven=False, at=AT_CART, **othe
         ),
         (
             said("unknown", curve=True),
-            "errors reach 20 times the noise. The model file keeps the missing force as a curve, with which the error "
-            "on the hold-out falls from 30 to 1.2 times the noise in free runs.",
+            "errors reach 20 times the noise. The model file keeps the missing force as a curve. With it the error on "
+            "the hold-out falls from 30 to 1.2 times the noise in free runs.",
+        ),
+        (
+            said("unknown", [FRICTION], curve=True),
+            "What was found explains a part of it only. The model file keeps the missing force as a curve. With both "
+            "the error on the hold-out falls",
         ),
         (
             said("unknown", [FRICTION], unproven=True),
