@@ -1,17 +1,20 @@
 """A force without a name, where no effect of the catalogue fits: it makes the simulation usable and can be seen."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..identify.setting import scene_of
-from ..model.effects.base import AbstractEffect, AbstractFriction
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractFriction
 from ..model.effects.catalogue import make_effect
 from ..model.effects.forces import ResidualForce
 from ..model.effects.friction import CoulombFriction, PositionDirectionFriction
 from ..model.plant import Plant
+from ..recordings import Recording
 from .candidates import Candidate, unnamed_forces
-from .revise import PAYS, SUPERFLUOUS, without
+from .revise import PAYS, without
 from .search import Search
 from .trials import State, Trial, several
 
@@ -19,6 +22,10 @@ _CURVE_PAYS = 0.8
 """Cost, relative to the model without it, that a force without a name must reach to be kept."""
 _MOST_PLACES = 49
 """Knots in place of the finest curve."""
+_LITTLE = 0.05
+"""Way near a knot, relative to that near the knot which is passed most, that tells of a level."""
+_AS_WELL = 0.003
+"""Rise of the cost up to which a force with as many numbers does as well as a map."""
 _CONSTANT = 0.5
 """Variance over place of what a map has in both directions, relative to that of half their difference, up to which it
 may be a force and the same friction everywhere."""
@@ -85,27 +92,45 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
     friction = next((e for e in state.plant.effects if (e.kind, e.site) == accepted.name), None)
     if not isinstance(friction, PositionDirectionFriction) or _has_curve(state, site):
         return None
+    knots = np.asarray(friction.knots)
+    passed = _passed(search.setting.recordings, site, knots)
+    if not passed.any():
+        return None
     both = 0.5 * np.asarray(friction.positive + friction.negative)
-    force = 0.5 * np.asarray(friction.negative - friction.positive)
-    if both.var() > _CONSTANT * force.var():
+    force = np.where(passed > 0, 0.5 * np.asarray(friction.negative - friction.positive), 0.0)
+    level = float(np.average(both, weights=passed))
+    spread = np.average((both - level) ** 2, weights=passed)
+    if spread > _CONSTANT * np.cov(force, aweights=passed, ddof=0):
         return None
     search.progress("trying a force of the place alone instead")
     plant, known = without(search, state, accepted)
     others = [a for a in state.accepted if a is not accepted]
     if not any(plant.all(AbstractFriction, site)):
-        plain = Candidate(CoulombFriction.kind, site, {"level": float(both.mean())}, ("level",), False)
+        plain = Candidate(CoulombFriction.kind, site, {"level": level}, ("level",), False)
         plant = plant.adding(make_effect(plain.kind, site, plain.values))
         others.append(plain)
     elif f"{CoulombFriction.kind}@{site}.level" not in known:
-        plant = Plant(plant.bridge, tuple(_with_more(e, site, float(both.mean())) for e in plant.effects))
+        plant = Plant(plant.bridge, tuple(_with_more(e, site, level) for e in plant.effects))
     bare = search.polish(plant, known, state.initial, tuple(others))
-    old = np.asarray(friction.knots)
-    places = np.linspace(old[0], old[-1], 2 * len(old) - 1)
-    values = {"places": places, "by_place": np.interp(places, old, force), "speeds": [-1.0, 1.0], "by_speed": [0, 0]}
+    places = np.linspace(knots[0], knots[-1], 2 * len(knots) - 1)
+    values = {"places": places, "by_place": np.interp(places, knots, force), "speeds": [-1.0, 1.0], "by_speed": [0, 0]}
     known |= {f"{ResidualForce.kind}@{site}.by_speed"}
     curved = plant.adding(make_effect(ResidualForce.kind, site, values))
     found = search.polish(curved, known, state.initial, tuple(others))
-    return (bare, found) if found.cost < state.cost * (1 + SUPERFLUOUS) else None
+    return (bare, found) if found.cost < state.cost * (1 + _AS_WELL) else None
+
+
+def _passed(recordings: Sequence[Recording], site: str, knots: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Way [m] near each knot, in that direction in which it is shorter; 0 where that tells nothing of a level."""
+    ways = np.zeros((2, len(knots)))
+    for recording in recordings:
+        at = getattr(recording, AXIS_OF_SITE[site])
+        if at is not None:
+            step = np.diff(at)
+            near = np.clip(1.0 - np.abs(at[:-1] - knots[:, None]) / (knots[1] - knots[0]), 0.0, 1.0)
+            ways += np.stack([near @ np.maximum(step, 0.0), near @ np.maximum(-step, 0.0)])
+    passed = ways.min(axis=0)
+    return np.where(passed < _LITTLE * passed.max(), 0.0, passed)
 
 
 def _with_more(effect: AbstractEffect, site: str, level: float) -> AbstractEffect:
