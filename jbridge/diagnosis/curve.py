@@ -13,6 +13,7 @@ from ..model.effects.forces import ResidualForce
 from ..model.effects.friction import CoulombFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from ..recordings import Recording
+from .adequacy import LARGE
 from .candidates import Candidate, unnamed_forces
 from .revise import PAYS, without
 from .search import Search
@@ -22,6 +23,8 @@ _CURVE_PAYS = 0.8
 """Cost, relative to the model without it, that a force without a name must reach to be kept."""
 _MOST_PLACES = 49
 """Knots in place of the finest curve."""
+_FAR = 3.0
+"""Error over noise that a map leaves, above which a force with as many numbers is not expected to leave little."""
 _LITTLE = 0.05
 """Way near a knot, relative to that near the knot which is passed most, that tells of a level."""
 _AS_WELL = 0.003
@@ -86,11 +89,11 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
         accepted: the map.
 
     Returns:
-        None for another explanation, and where the force explains less.
+        None for another explanation, and where the force explains less, or either leaves much: then it is neither.
     """
     site = accepted.site
     friction = next((e for e in state.plant.effects if (e.kind, e.site) == accepted.name), None)
-    if not isinstance(friction, PositionDirectionFriction) or _has_curve(state, site):
+    if not isinstance(friction, PositionDirectionFriction) or _has_curve(state, site) or state.chi > _FAR:
         return None
     knots = np.asarray(friction.knots)
     passed = _passed(search.setting.recordings, site, knots)
@@ -117,7 +120,7 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
     known |= {f"{ResidualForce.kind}@{site}.by_speed"}
     curved = plant.adding(make_effect(ResidualForce.kind, site, values))
     found = search.polish(curved, known, state.initial, tuple(others))
-    return (bare, found) if found.cost < state.cost * (1 + _AS_WELL) else None
+    return (bare, found) if found.worst <= LARGE and found.cost < state.cost * (1 + _AS_WELL) else None
 
 
 def _passed(recordings: Sequence[Recording], site: str, knots: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -62,13 +62,7 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     state, steps = made.explained.state, made.explained.steps
     curve = None
     if made.alarm and state.worst > LARGE and made.left_repeats:
-        curve = made.explained.curve
-        if curve is None or curve.worst > LARGE:
-            curve = min(
-                (s for s in (curve, force_without_a_name(made.search, state)) if s is not None),
-                key=lambda s: s.cost,
-                default=None,
-            )
+        curve = made.explained.curve or force_without_a_name(made.search, state)
     if made.given is not None and curve is None:
         first, last = made.given, made.completed or made.given
     else:
