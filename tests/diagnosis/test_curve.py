@@ -7,7 +7,6 @@ import pytest
 
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.curve import force_without_a_name, of_place_alone
-from jbridge.diagnosis.diagnose import diagnose
 from jbridge.diagnosis.search import Search, state_of
 from jbridge.identify.base import base_fit
 from jbridge.identify.linearise import Engine
@@ -82,14 +81,3 @@ def test_friction_by_place_and_direction_is_no_force_of_the_place(common, apart)
     search, state = with_a_map(("position_direction_friction", "cart", friction))
     assert state.chi < 1.1
     assert of_place_alone(search, state, MAP) is None
-
-
-@pytest.mark.slow
-def test_a_force_of_the_place_is_unknown_and_kept_as_a_curve():
-    runs = cart_recordings(make_plant(DRY, ("residual_force", "cart", CURVE), cart_damping=30.0), 4, seed=5)
-    found = diagnose(cart_model(DRY, cart_damping=40.0), runs[:3], runs[3:])
-    assert found.verdict == "unknown" and found.effects == () and found.location.site == "cart"
-    assert found.model.plant.effects[-1].kind == "residual_force"
-    before, after = found.holdout_before.free_run["x"], found.holdout_after.free_run["x"]
-    assert after < 2 * found.noise["x"] < 0.2 * before
-    assert any("a force of the place alone" in trial["why"] for trial in found.trials)
