@@ -89,7 +89,7 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
         accepted: the map.
 
     Returns:
-        None for another explanation, and where the force explains less, or either leaves much: then it is neither.
+        None for another explanation, where the force explains less or leaves much, and where little is left without it.
     """
     site = accepted.site
     friction = next((e for e in state.plant.effects if (e.kind, e.site) == accepted.name), None)
@@ -114,13 +114,16 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
         others.append(plain)
     elif f"{CoulombFriction.kind}@{site}.level" not in known:
         plant = Plant(plant.bridge, tuple(_with_more(e, site, level) for e in plant.effects))
-    bare = search.polish(plant, known, state.initial, tuple(others))
     places = np.linspace(knots[0], knots[-1], 2 * len(knots) - 1)
     values = {"places": places, "by_place": np.interp(places, knots, force), "speeds": [-1.0, 1.0], "by_speed": [0, 0]}
-    known |= {f"{ResidualForce.kind}@{site}.by_speed"}
     curved = plant.adding(make_effect(ResidualForce.kind, site, values))
-    found = search.polish(curved, known, state.initial, tuple(others))
-    return (bare, found) if found.worst <= LARGE and found.cost < state.cost * (1 + _AS_WELL) else None
+    no_speed = known | {f"{ResidualForce.kind}@{site}.by_speed"}
+    found = search.polish(curved, no_speed, state.initial, tuple(others))
+    if found.worst > LARGE or found.cost > state.cost * (1 + _AS_WELL):
+        return None
+    bare = search.polish(plant, known, state.initial, tuple(others))
+    # Of what leaves little one may as well be the other.
+    return (bare, found) if bare.worst > LARGE else None
 
 
 def _passed(recordings: Sequence[Recording], site: str, knots: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,12 +23,12 @@ _RINGS = "belt_compliance"
 """What rings. In a window of seconds its phase must be right before a fit sees the way; in a short one it need not."""
 _STIFFER = (2.5, 7.0, 20.0)
 """How much stiffer it is tried beyond the stiffest seed."""
-_SHARES = (0.8, 1.25)
-"""Motor's inertia, relative to that of a belt which won, of others that are refitted beside it."""
 _SHORT = 0.5
 """Length of these windows [s]."""
 _NEAR = 4
 """Winners on them that compete with the seeds on longer ones."""
+_SHARES = (0.8, 1.25)
+"""Motor's inertia, relative to that of a belt which won, of others that are refitted beside it."""
 _FEW_LEVELS = 16
 """Levels of maps that are fitted while seeds compete."""
 _FEW = 2

@@ -151,8 +151,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     done = Explained(state, steps, learnable, after, screened, left)
     for candidate in state.accepted:
         alone = of_place_alone(search, state, candidate)
-        # Of what leaves little one may as well be the other.
-        if alone is not None and alone[0].worst > LARGE:
+        if alone is not None:
             return _without_friction(search, done, candidate, *alone)
     return done
 
