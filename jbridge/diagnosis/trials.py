@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..identify.base import chi, measurements
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
-from ..identify.solve import reduce
+from ..identify.solve import differences, reduce
 from ..identify.uncertainty import inverse_normal
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
@@ -159,15 +159,10 @@ def smoothness(
         Precision `(free, free)`, and its gradient where the numbers are now, `(free,)`.
     """
     precision = np.zeros((len(free), len(free)))
-    maps: dict[str, list[int]] = {}
-    for j, place in enumerate(free):
-        if table.entry(int(place)).info.vector:
-            maps.setdefault(table.entry(int(place)).group, []).append(j)
-    for members in maps.values():
-        step = np.diff(np.eye(len(members)), axis=0)
-        differences = step @ vector[free[members]]
-        scale = max(float(np.mean(differences**2)), 1e-300) if len(differences) else 1.0
-        precision[np.ix_(members, members)] = step.T @ step / scale
+    for members in table.vectors(free):
+        matrix, levels = differences(len(members)), vector[free[members]]
+        scale = float(levels @ matrix @ levels) / max(len(members) - 1, 1)
+        precision[np.ix_(members, members)] = matrix / max(scale, 1e-300)
     return precision, precision @ vector[free]
 
 

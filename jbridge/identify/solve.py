@@ -20,6 +20,9 @@ from .linearise import Engine, Gram
 _START_DAMPING = 1e-3
 _MOST_DAMPING = 1e8
 _BEFORE_DROP = 4
+_NEIGHBOURS = 1e-6
+"""Pull between neighbours in a vector of levels, over what the recordings say about the best known of them. Against
+places that were visited it counts for nothing; a place that was not takes the level of those beside it."""
 _REACH = 3.0
 """How far an initial value may move from its first guess, in standard deviations of its prior. A model that is far off
 would put its errors there: against hundreds of samples the prior alone counts for nothing."""
@@ -189,6 +192,7 @@ def solve(
     quiet = np.zeros(rows, int)
     rooms = np.array([_room(engine.table, vectors[i], free[i], batch) for i in range(rows)])
     leasts, mosts = batch.initial - rooms, batch.initial + rooms
+    ties: list[NDArray[np.float64] | None] = [None] * rows
     done = 0
     for done in range(1, iterations + 1):
         chosen = np.flatnonzero(active)
@@ -197,9 +201,11 @@ def solve(
         trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
+            ties[r] = _ties(engine.table, f, products[r])
             prior, least, most = batch.prior, leasts[r], mosts[r]
             for _ in range(2):
                 reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, prior, damping[r])
+                reduced = _with_ties(reduced, ties[r], vectors[r, f])
                 step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
                 moved = reduced.back @ step + reduced.shift
                 leaving = ((initial[r] <= least) & (moved < 0)) | ((initial[r] >= most) & (moved > 0))
@@ -212,8 +218,9 @@ def solve(
             foreseen[j] = _foreseen(products[r], step, moved, columns)
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
-            old = _objective(products[r], initial[r], batch)
-            new = _objective(gram.products[j], trial_i[j], batch)
+            f = free[int(r)]
+            old = _objective(products[r], initial[r], batch) + _strain(ties[r], vectors[r, f])
+            new = _objective(gram.products[j], trial_i[j], batch) + _strain(ties[r], trial_v[j, f])
             if np.isfinite(gram.products[j]).all() and new < old:
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
@@ -232,6 +239,44 @@ def solve(
             costs = products[:, :, -1, -1].sum(axis=1)
             active &= costs <= drop * np.nanmin(costs)
     return Fits(vectors, list(free), initial, Gram(products, predicted), done)
+
+
+def _ties(table: ParameterTable, free: NDArray[np.int64], products: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """What is known of free levels beforehand: places of a map to which no recording goes are like those beside them.
+
+    Without it such a level costs nothing wherever it is put, and a step that is meant for others carries it along.
+    """
+    together = table.vectors(free)
+    if not together:
+        return None
+    information = np.einsum("lii->i", products[:, : len(free), : len(free)])
+    precision = np.zeros((len(free), len(free)))
+    for members in together:
+        most = float(information[members].max())
+        precision[np.ix_(members, members)] = _NEIGHBOURS * most * differences(len(members))
+    return precision
+
+
+def differences(count: int) -> NDArray[np.float64]:
+    """Matrix `D` of the sum of squares `v' D v` of the differences between neighbours in a vector."""
+    step = np.diff(np.eye(count), axis=0)
+    return step.T @ step
+
+
+def _with_ties(reduced: Reduced, ties: NDArray[np.float64] | None, at: NDArray[np.float64]) -> Reduced:
+    """Normal equations with what is known beforehand."""
+    if ties is None:
+        return reduced
+    return dataclasses.replace(
+        reduced,
+        matrix=reduced.matrix + ties,
+        gradient=reduced.gradient + ties @ at,
+        diagonal=reduced.diagonal + np.diag(ties),
+    )
+
+
+def _strain(ties: NDArray[np.float64] | None, at: NDArray[np.float64]) -> float:
+    return 0.0 if ties is None else float(at @ ties @ at)
 
 
 def _room(

@@ -127,6 +127,15 @@ class ParameterTable:
             if "@" in name and "[" not in name and name.split("@")[1].split(".")[0].split("#")[0] == site
         }
 
+    def vectors(self, free: NDArray[np.int64]) -> list[list[int]]:
+        """Indices into `free` of the entries of each vector parameter, such as the levels of a map, in its order."""
+        found: dict[str, list[int]] = {}
+        for j, place in enumerate(free):
+            entry = self.entry(place)
+            if entry.info.vector:
+                found.setdefault(entry.group, []).append(j)
+        return list(found.values())
+
     def option_place(self, group: str) -> int:
         """Place of an option's index, such as `end_stop@cart.end`."""
         return self._options[group]

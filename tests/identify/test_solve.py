@@ -189,3 +189,27 @@ def test_states_of_a_simulation_that_nearly_runs_away_are_eliminated():
     mild[:, 2] /= 1e120
     wanted = reduce((mild.T @ mild)[None], 2, 2, start, start, np.zeros((1, 6)))
     np.testing.assert_allclose(found.matrix, wanted.matrix, rtol=1e-6)
+
+
+def test_places_that_no_recording_passes_take_the_level_of_those_beside_them():
+    """A map of friction along a rail of which one end is not crossed: the visited part is found as if alone."""
+    knots = np.array([0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1])
+    levels = np.array([3.0, 3.5, 4.5, 4.0, 3.0, 3.0, 3.0])
+    kind, site = "position_dependent_friction", "cart"
+    truth = make_plant((kind, site, {"knots": knots, "levels": levels}))
+    start = np.where(knots > 1.0, 400.0, 3.0)
+    given = make_plant((kind, site, {"knots": knots, "levels": start}))
+    volts = {k: np.stack([steps(800, k, hold=45, volts=2.5), np.zeros(800)], axis=1) for k in (0, 2, 3)}
+    runs = [play(truth, u, seed=k) for k, u in volts.items()]
+    furthest = max(float(r.x.max()) for r in runs)
+    assert 0.8 < furthest < 0.95
+    engine = Engine(given)
+    batch = make_batch(runs, NOISE, size=engine.table.size)
+    free = np.array(engine.table.positions(f"{kind}@{site}.levels"))
+    found = solve(engine, batch, np.array(engine.table.ravel(given))[None], [free], columns=8, iterations=30)
+    assert float(found.cost[0]) / (np.asarray(batch.lanes.weight) > 0).sum() == pytest.approx(1.0, abs=0.15)
+    got = found.vectors[0, free]
+    passed = knots < furthest
+    np.testing.assert_allclose(got[passed], levels[passed], atol=0.05)
+    # What the last visited stretch says of its far end, 0.95 m, goes on behind it.
+    np.testing.assert_allclose(got[-1], got[-2], rtol=1e-3)
