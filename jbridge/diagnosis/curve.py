@@ -15,6 +15,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .adequacy import LARGE
 from .candidates import Candidate, unnamed_forces
+from .levels import on_even_knots
 from .revise import PAYS, without
 from .search import Search
 from .trials import State, Trial, several
@@ -65,15 +66,9 @@ def _with_curve(search: Search, state: State, seed: Candidate) -> Trial:
 def _twice_as_fine(trial: Trial) -> Candidate:
     """The same force with a knot more in every gap."""
     force = next(trial.plant.all(ResidualForce, trial.candidate.site))
-    old = np.asarray(force.places)
-    places = np.linspace(old[0], old[-1], 2 * len(old) - 1)
-    values = {
-        "places": places,
-        "by_place": np.interp(places, old, np.asarray(force.by_place)),
-        "speeds": np.asarray(force.speeds),
-        "by_speed": np.asarray(force.by_speed),
-    }
-    return dataclasses.replace(trial.candidate, values=values)
+    places, by_place = on_even_knots(force.places, {"by_place": force.by_place}, 2 * len(force.places) - 1)
+    by_speed = {"speeds": np.asarray(force.speeds), "by_speed": np.asarray(force.by_speed)}
+    return dataclasses.replace(trial.candidate, values={"places": places} | by_place | by_speed)
 
 
 def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[State, State] | None:
@@ -114,8 +109,8 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
         others.append(plain)
     elif f"{CoulombFriction.kind}@{site}.level" not in known:
         plant = Plant(plant.bridge, tuple(_with_more(e, site, level) for e in plant.effects))
-    places = np.linspace(knots[0], knots[-1], 2 * len(knots) - 1)
-    values = {"places": places, "by_place": np.interp(places, knots, force), "speeds": [-1.0, 1.0], "by_speed": [0, 0]}
+    places, by_place = on_even_knots(knots, {"by_place": force}, 2 * len(knots) - 1)
+    values = {"places": places, "speeds": [-1.0, 1.0], "by_speed": [0, 0]} | by_place
     curved = plant.adding(make_effect(ResidualForce.kind, site, values))
     no_speed = known | {f"{ResidualForce.kind}@{site}.by_speed"}
     found = search.polish(curved, no_speed, state.initial, tuple(others))

@@ -1,9 +1,10 @@
 """Friction beside friction: the level common to both is counted once, with the plain Coulomb friction."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..model.effects.base import AbstractEffect
 from ..model.effects.friction import (
@@ -54,6 +55,15 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
             vector[places] -= common
             vector[plain] += common
     return vector
+
+
+def on_even_knots(
+    knots: ArrayLike, curves: Mapping[str, ArrayLike], count: int
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Another number of knots, evenly spaced over the same places, and piecewise linear curves read off there."""
+    old = np.asarray(knots)
+    new = np.linspace(old[0], old[-1], count)
+    return new, {key: np.interp(new, old, np.asarray(curve)) for key, curve in curves.items()}
 
 
 def simpler_laws(effect: AbstractEffect) -> list[tuple[str, dict[str, Any]]]:

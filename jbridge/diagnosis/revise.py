@@ -2,13 +2,11 @@
 
 import dataclasses
 
-import numpy as np
-
 from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
-from .levels import ADDED_LEVELS, simpler_laws
+from .levels import ADDED_LEVELS, on_even_knots, simpler_laws
 from .search import Search, settled
 from .trials import State, several
 
@@ -85,11 +83,9 @@ def _map_of(state: State, accepted: Candidate) -> _Map | None:
 def _with_knots(search: Search, state: State, friction: _Map, count: int) -> State:
     """The state fitted anew with another number of knots over the same places."""
     search.progress(f"trying {count} places instead of {len(friction.knots)}")
-    old = np.asarray(friction.knots)
-    knots = np.linspace(old[0], old[-1], count)
     levels = {key: getattr(friction, "levels_at" if key == "levels" else key) for key in ADDED_LEVELS[friction.kind]}
-    values = {"knots": knots} | {key: np.interp(knots, old, np.asarray(level)) for key, level in levels.items()}
-    changed = make_effect(friction.kind, friction.site, values)
+    knots, at_knots = on_even_knots(friction.knots, levels, count)
+    changed = make_effect(friction.kind, friction.site, {"knots": knots} | at_knots)
     plant = settled(Plant(state.plant.bridge, tuple(changed if e is friction else e for e in state.plant.effects)))
     return search.polish(plant, state.known, state.initial, state.accepted)
 

@@ -18,17 +18,12 @@ from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate, candidates, unnamed_forces
-from .levels import ADDED_LEVELS, anchored, settle_levels
+from .levels import anchored, settle_levels
 from .normal import Tangents
 from .screen import Screen, Screened, screen
+from .shortlist import merged, shortlist, with_simpler
 from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, smoothness, transfer
 
-REFITS = 5
-"""Most candidates that are refitted at a time."""
-_ALWAYS = 3
-"""Candidates that are refitted whatever the screen expects."""
-_HOPELESS = 4.0
-"""Predicted cost, relative to the best candidate's, beyond which a refit is not worth its time."""
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
 _URGED_GAIN = 0.005
@@ -137,7 +132,7 @@ class Search:
             windows = self._screen(self.polish(state.plant, state.known, guess, state.accepted))
         finally:
             self.window = outer
-        return Screen(_merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
+        return Screen(merged(whole.ranked, windows.ranked), max(whole.learnable, windows.learnable))
 
     def _screen(self, state: State) -> Screen:
         forget_if_large()
@@ -162,7 +157,7 @@ class Search:
         if self.least_gain(state) > _HARD_TO_PASS:
             # What is not even expected to gain half of what it must is not worth the time of a refit.
             untried = [item for item in untried if item.gain > 0.5 * self.least_gain(state)]
-        chosen = with_simpler(_shortlist(untried), untried)
+        chosen = with_simpler(shortlist(untried), untried)
         names = {item.candidate.name for item in chosen}
         for name in sorted(self.insist - names):
             chosen += [item for item in screened.ranked if item.candidate.name == name and name not in tried][:2]
@@ -318,44 +313,3 @@ def settled(plant: Plant) -> Plant:
     """The same plant with levels that two frictions have in common counted once."""
     own = ParameterTable(plant)
     return own.unravel(settle_levels(own, np.array(own.ravel(plant))))
-
-
-def _merged(first: Sequence[Screened], second: Sequence[Screened]) -> list[Screened]:
-    """Two rankings as one: costs relative to the best of each, the better rank counts."""
-    merged = []
-    for ranked in (first, second):
-        least = max(ranked[0].cost, 1e-9) if ranked else 1.0
-        merged += [dataclasses.replace(item, cost=item.cost / least) for item in ranked]
-    return sorted(merged, key=lambda item: item.cost)
-
-
-def _shortlist(ranked: Sequence[Screened]) -> list[Screened]:
-    """The best candidates, with a second seed where one is nearly as good.
-
-    What the linear screen expects of a candidate is close to what a refit finds unless the mismatch is large, so few
-    refits are enough; more follow where none of them explains the recordings.
-    """
-    if not ranked:
-        return []
-    least = ranked[0].cost
-    seen: dict[tuple[str, str], Screened] = {}
-    second: set[tuple[str, str]] = set()
-    chosen = []
-    for item in ranked:
-        name = item.candidate.name
-        if name not in seen:
-            if len(seen) < _ALWAYS or (len(seen) < REFITS and item.cost < _HOPELESS * least):
-                chosen.append(item)
-                seen[name] = item
-        elif name not in second and item.cost < 1.5 * seen[name].cost:
-            chosen.append(item)
-            second.add(name)
-    return chosen
-
-
-def with_simpler(chosen: list[Screened], ranked: Sequence[Screened]) -> list[Screened]:
-    """With every law of friction, plain Coulomb friction on the same axis, which may explain as much with less."""
-    names = {item.candidate.name for item in chosen}
-    sites = {item.candidate.site for item in chosen if item.candidate.kind in ADDED_LEVELS}
-    plain = [item for item in ranked if item.candidate.kind == "coulomb_friction" and item.candidate.site in sites]
-    return chosen + [item for item in plain if item.candidate.name not in names]

@@ -10,7 +10,7 @@ from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
 from jbridge.diagnosis.mechanisms import stiffer, worst_met
 from jbridge.diagnosis.screen import Screened
-from jbridge.diagnosis.search import with_simpler
+from jbridge.diagnosis.shortlist import with_simpler
 from jbridge.diagnosis.ties import ties
 from jbridge.diagnosis.trials import beyond_belief, cross_validated, smoothness, transfer
 from jbridge.identify.lanes import make_batch
