@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..identify.left_out import several
 from ..identify.setting import scene_of
 from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractFriction
 from ..model.effects.catalogue import make_effect
@@ -18,7 +19,7 @@ from .candidates import Candidate, unnamed_forces
 from .levels import on_even_knots
 from .revise import PAYS, without
 from .search import Search
-from .trials import State, Trial, several
+from .trials import State, Trial
 
 _CURVE_PAYS = 0.8
 """Cost, relative to the model without it, that a force without a name must reach to be kept."""

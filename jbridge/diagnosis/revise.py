@@ -2,13 +2,15 @@
 
 import dataclasses
 
+from ..identify.left_out import several
+from ..identify.smooth import POOR
 from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
 from .levels import ADDED_LEVELS, on_even_knots, simpler_laws
-from .search import Search, settled
-from .trials import State, several
+from .search import Search, left_out_at_best, settled
+from .trials import State
 
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
@@ -54,7 +56,9 @@ def finer(search: Search, state: State, place: int = -1) -> State:
     friction = _map_of(state, state.accepted[place])
     while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
         found = _with_knots(search, state, friction, count)
-        if found.cross_validated > state.cross_validated * (1 - PAYS):
+        # Of a model that leaves much, what one step gives for a recording left out is bounded, and says nothing.
+        before, after = ((s.cross_validated if found.chi < POOR else left_out_at_best(s)) for s in (state, found))
+        if after > before * (1 - PAYS):
             break
         state = found
         friction = _map_of(state, state.accepted[place])

@@ -7,6 +7,7 @@ from math import nan
 from .._programs import forget
 from ..identify.base import BaseFit, measurements
 from ..identify.finer import fit_finely
+from ..identify.left_out import several
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE, channels, is_large
 from .candidates import Candidate, has_hidden_state
@@ -19,7 +20,7 @@ from .search import Search, state_of
 from .swaps import compare_look_alikes
 from .tell import HOLDS, Step, refused_with
 from .ties import look_alikes, ties
-from .trials import State, Trial, accepts, as_trial, explained, floor_of, held, several
+from .trials import State, Trial, accepts, as_trial, explained, floor_of, held
 
 MOST_EFFECTS = 6
 _KEPT = 2
@@ -148,6 +149,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     if steps and search.window is not None:
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
+    state = search.smooth(state)
     done = Explained(state, steps, learnable, after, screened, left)
     for candidate in state.accepted:
         alone = of_place_alone(search, state, candidate)

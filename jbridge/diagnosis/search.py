@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from .._programs import forget_if_large
 from ..identify.base import WINDOW, channel_errors, columns_for
 from ..identify.lanes import Batch
+from ..identify.left_out import cross_validated, folds, smoothness
 from ..identify.linearise import Engine
 from ..identify.setting import Setting, free_places, lanes_for, scene_of
+from ..identify.smooth import POOR, by_strength, smoothed
 from ..identify.solve import Fits, solve
 from ..model.effects.catalogue import make_effect
 from ..model.parameters import ParameterTable
@@ -22,7 +24,7 @@ from .levels import anchored, settle_levels
 from .normal import Tangents
 from .screen import Screen, Screened, screen
 from .shortlist import merged, shortlist, with_simpler
-from .trials import State, Trial, cross_validated, folds, least_gain, significance_of, smoothness, transfer
+from .trials import State, Trial, least_gain, significance_of, transfer
 
 _HARD_TO_PASS = 0.2
 """Least share of the cost that an effect must gain, above which the screen's expectation may rule a refit out."""
@@ -297,6 +299,27 @@ class Search:
         width = columns_for(len(free))
         fits = solve(engine, batch, vector[None], [free], initial=initial[None], columns=width, iterations=20)
         return state_of(engine, batch, fits, known, accepted)
+
+    def smooth(self, state: State) -> State:
+        """The state with maps of friction that are as smooth as recordings left out say, if it leaves much."""
+        if not state.accepted or state.chi < POOR:
+            return state
+        before = _fits_of(state)
+        after = smoothed(state.engine, state.batch, before, columns_for(len(state.free)))
+        return state if after is before else state_of(state.engine, state.batch, after, state.known, state.accepted)
+
+
+def left_out_at_best(state: State) -> float:
+    """Cost on recordings left out that a state's maps of friction reach when they are as smooth as is best for it."""
+    return min(by_strength(state.engine, state.batch, _fits_of(state), columns_for(len(state.free))).values())
+
+
+def _fits_of(state: State) -> Fits:
+    """A state's fit with its normal equations, which a state does not keep."""
+    vectors, initial = state.vector[None], state.initial[None]
+    width = columns_for(len(state.free))
+    gram = state.engine.gram(vectors, state.free[None], initial, state.batch, columns=width)
+    return Fits(vectors, [state.free], initial, gram, 0)
 
 
 def _with_candidate(state: State, candidate: Candidate, table: ParameterTable, vector: NDArray[np.float64]) -> Plant:

@@ -16,13 +16,11 @@ from .._types import AXES
 from ..model.parameters import ParameterTable
 from .lanes import Batch
 from .linearise import Engine, Gram
+from .neighbours import LOOSE, ties
 
 _START_DAMPING = 1e-3
 _MOST_DAMPING = 1e8
 _BEFORE_DROP = 4
-_NEIGHBOURS = 1e-6
-"""Pull between neighbours in a vector of levels, over what the recordings say about the best known of them. Against
-places that were visited it counts for nothing; a place that was not takes the level of those beside it."""
 _REACH = 3.0
 """How far an initial value may move from its first guess, in standard deviations of its prior. A model that is far off
 would put its errors there: against hundreds of samples the prior alone counts for nothing."""
@@ -162,6 +160,7 @@ def solve(
     iterations: int = 12,
     tolerance: float = 1e-4,
     drop: float | None = None,
+    strength: float = LOOSE,
 ) -> Fits:
     """Fits every row from its own start.
 
@@ -173,6 +172,7 @@ def solve(
         iterations: most steps of a row.
         tolerance: a row is done when a step gains less than this share of its cost.
         drop: after four steps, rows are given up whose cost is this many times the best row's.
+        strength: of the ties between neighbouring levels of a map, see `ties`.
     """
     vectors = np.array(vectors, dtype=float)
     rows = len(vectors)
@@ -192,7 +192,7 @@ def solve(
     quiet = np.zeros(rows, int)
     rooms = np.array([_room(engine.table, vectors[i], free[i], batch) for i in range(rows)])
     leasts, mosts = batch.initial - rooms, batch.initial + rooms
-    ties: list[NDArray[np.float64] | None] = [None] * rows
+    tied = [np.zeros((0, 0))] * rows
     done = 0
     for done in range(1, iterations + 1):
         chosen = np.flatnonzero(active)
@@ -201,11 +201,11 @@ def solve(
         trial_v, trial_i, foreseen = vectors[chosen].copy(), initial[chosen].copy(), np.zeros(len(chosen))
         for j, r in enumerate(chosen):
             f = free[int(r)]
-            ties[r] = _ties(engine.table, f, products[r])
+            tied[r] = ties(engine.table, f, products[r], strength)
             prior, least, most = batch.prior, leasts[r], mosts[r]
             for _ in range(2):
                 reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, prior, damping[r])
-                reduced = _with_ties(reduced, ties[r], vectors[r, f])
+                reduced = _tied(reduced, tied[r], vectors[r, f])
                 step = bounded_step(reduced, vectors[r, f], low_all[f], high_all[f], damping[r])
                 moved = reduced.back @ step + reduced.shift
                 leaving = ((initial[r] <= least) & (moved < 0)) | ((initial[r] >= most) & (moved > 0))
@@ -219,8 +219,8 @@ def solve(
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
             f = free[int(r)]
-            old = _objective(products[r], initial[r], batch) + _strain(ties[r], vectors[r, f])
-            new = _objective(gram.products[j], trial_i[j], batch) + _strain(ties[r], trial_v[j, f])
+            old = _objective(products[r], initial[r], batch) + _strain(tied[r], vectors[r, f])
+            new = _objective(gram.products[j], trial_i[j], batch) + _strain(tied[r], trial_v[j, f])
             if np.isfinite(gram.products[j]).all() and new < old:
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
@@ -241,42 +241,18 @@ def solve(
     return Fits(vectors, list(free), initial, Gram(products, predicted), done)
 
 
-def _ties(table: ParameterTable, free: NDArray[np.int64], products: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """What is known of free levels beforehand: places of a map to which no recording goes are like those beside them.
-
-    Without it such a level costs nothing wherever it is put, and a step that is meant for others carries it along.
-    """
-    together = table.vectors(free)
-    if not together:
-        return None
-    information = np.einsum("lii->i", products[:, : len(free), : len(free)])
-    precision = np.zeros((len(free), len(free)))
-    for members in together:
-        most = float(information[members].max())
-        precision[np.ix_(members, members)] = _NEIGHBOURS * most * differences(len(members))
-    return precision
-
-
-def differences(count: int) -> NDArray[np.float64]:
-    """Matrix `D` of the sum of squares `v' D v` of the differences between neighbours in a vector."""
-    step = np.diff(np.eye(count), axis=0)
-    return step.T @ step
-
-
-def _with_ties(reduced: Reduced, ties: NDArray[np.float64] | None, at: NDArray[np.float64]) -> Reduced:
+def _tied(reduced: Reduced, precision: NDArray[np.float64], at: NDArray[np.float64]) -> Reduced:
     """Normal equations with what is known beforehand."""
-    if ties is None:
-        return reduced
     return dataclasses.replace(
         reduced,
-        matrix=reduced.matrix + ties,
-        gradient=reduced.gradient + ties @ at,
-        diagonal=reduced.diagonal + np.diag(ties),
+        matrix=reduced.matrix + precision,
+        gradient=reduced.gradient + precision @ at,
+        diagonal=reduced.diagonal + np.diag(precision),
     )
 
 
-def _strain(ties: NDArray[np.float64] | None, at: NDArray[np.float64]) -> float:
-    return 0.0 if ties is None else float(at @ ties @ at)
+def _strain(precision: NDArray[np.float64], at: NDArray[np.float64]) -> float:
+    return float(at @ precision @ at)
 
 
 def _room(

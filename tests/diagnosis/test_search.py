@@ -12,8 +12,9 @@ from jbridge.diagnosis.mechanisms import stiffer, worst_met
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.shortlist import with_simpler
 from jbridge.diagnosis.ties import ties
-from jbridge.diagnosis.trials import beyond_belief, cross_validated, smoothness, transfer
+from jbridge.diagnosis.trials import beyond_belief, transfer
 from jbridge.identify.lanes import make_batch
+from jbridge.identify.left_out import cross_validated, smoothness
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.rollout import RK4
