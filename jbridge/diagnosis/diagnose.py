@@ -21,6 +21,7 @@ from .judge import Judgement, Settled, judge, settle
 from .limits import not_seen
 from .locate import equation_of
 from .missing import missing_forces
+from .once import happened_once, timed
 from .result import Adequacy, Diagnosis, Former, NamedEffect
 from .rounds import MOST_EFFECTS
 from .search import PARTS
@@ -153,6 +154,12 @@ def _told(
     beyond = judged.odd_one or judged.elsewhere
     if not alarm and beyond is not None:
         location = dataclasses.replace(location, site=None, equation=equation_of(beyond.channel))
+    once = None
+    if judged.verdict == "adequate" and made.large and made.p_value <= SIGNIFICANT:
+        once = happened_once(first.train, [r.name for r in setting.recordings])
+    if once is not None:
+        once = timed(once, missing_forces(made.base, search.window is not None, train, tell), train)
+        location = dataclasses.replace(location, equation=equation_of(once.axis), when=once.when)
     given = Counter((e.kind, e.site) for e in search.given.effects)
     kept = given & Counter((e.kind, e.site) for e in last.plant.effects)
     own = tuple(
@@ -175,6 +182,7 @@ def _told(
         abroad=judged.abroad,
         elsewhere=judged.elsewhere,
         odd_one=judged.odd_one,
+        once=once,
     )
     return Diagnosis(
         judged.verdict,

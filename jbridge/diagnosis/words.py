@@ -11,6 +11,7 @@ from .adequacy import LARGE
 from .candidates import ABSENT_WHEN_LARGE, WRONG_VALUE, Candidate
 from .holdout import OffMap
 from .names import explanation_name, site_name, spaced
+from .once import Once
 from .result import Channel, Location, NamedEffect, Rival
 
 _CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
@@ -144,6 +145,20 @@ def _gap(proof: Proof) -> str:
     )
 
 
+def _once_sentence(once: Once, ratio: float, worst: str) -> str:
+    """What is said of errors that sit in few recordings."""
+    spans: dict[str, list[str]] = {name: [] for name in once.recordings}
+    for interval in once.when:
+        spans[interval.recording].append(f"{interval.start:.1f} to {interval.stop:.1f} s")
+    where = ", ".join(name + (f" ({', '.join(times)})" if times else "") for name, times in spans.items())
+    return (
+        f"No physics is missing that these recordings could teach: errors reach {_times(ratio)} times the noise in the "
+        f"{_CHANNEL_WORDS[worst]}, but all of it comes from {where}; the other recordings are met within "
+        f"{_times(once.others)} times the noise. Something happened there that did not repeat (a push, a gust, a jump "
+        "of a sensor): leave it out or trim it ([trim] in the sidecar), and the model's numbers become sharper."
+    )
+
+
 def verdict_sentence(
     verdict: str,
     effects: Sequence[NamedEffect],
@@ -159,6 +174,7 @@ def verdict_sentence(
     abroad: OffMap | None = None,
     elsewhere: Elsewhere | None = None,
     odd_one: Elsewhere | None = None,
+    once: Once | None = None,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -176,6 +192,7 @@ def verdict_sentence(
         abroad: where a hold-out went that therefore cannot judge what was named.
         elsewhere: what shows on the hold-out alone.
         odd_one: the same of a recording that was learned from for it.
+        once: what happened in few recordings, and not in the others.
     """
     alarm = verdict == "missing_physics" or bool(effects)
     if odd_one is not None:
@@ -203,6 +220,8 @@ def verdict_sentence(
                 f"Errors reach {_times(ratio)} times the noise in the {_CHANNEL_WORDS[worst]}, but they hang together "
                 "no longer than noise does: nothing can be learned from them."
             )
+        if once is not None:
+            return _once_sentence(once, ratio, worst)
         return (
             f"No physics is missing that these recordings could teach: errors reach {_times(ratio)} times the noise in "
             f"the {_CHANNEL_WORDS[worst]}, but they do not repeat from one recording to another. This is the rig's "

@@ -5,7 +5,8 @@ import dataclasses
 import pytest
 
 from jbridge.diagnosis.holdout import OffMap
-from jbridge.diagnosis.result import Channel, Likeness, Location, NamedEffect, Rival
+from jbridge.diagnosis.once import Once
+from jbridge.diagnosis.result import Channel, Interval, Likeness, Location, NamedEffect, Rival
 from jbridge.diagnosis.words import Elsewhere, Proof, effect_sentence, verdict_sentence
 from jbridge.identify.result import Estimate
 
@@ -31,6 +32,11 @@ def said(verdict, effects=(), after=AFTER, *, unproven=False, at=AT_CART, **othe
         (said("adequate", large=False), "The model explains the recordings: what remains is noise"),
         (said("adequate"), "errors reach 20 times the noise in the cart position, but they do not repeat"),
         (said("adequate", asked=False), "they hang together no longer than noise does"),
+        (
+            said("adequate", once=Once("x", "psi", ("b.csv", "d.csv"), 1.2, (Interval("b.csv", 4.75, 7.5),))),
+            "in the cart position, but all of it comes from b.csv (4.8 to 7.5 s), d.csv; the other recordings are met "
+            "within 1.2 times the noise.",
+        ),
         (
             said("missing_physics", [FRICTION]),
             "The model lacks physics: Coulomb friction at the cart. With it the error on the hold-out falls from 30 to "
