@@ -129,11 +129,11 @@ def attempt(
     if not large and not steps:
         learnable = learnable_after = nan
     badly = [axis for axis, channel in found.items() if not channel.ratio <= LARGE]
-    repeating = learnable >= LEARNABLE
+    repeating = bool(learnable >= LEARNABLE)
     if large and p_value <= SIGNIFICANT and not repeating:
         tell("asking whether the missing force repeats")
         foreseen = _foreseen(base, setting, badly)
-        learnable, repeating = max(np.nan_to_num(learnable), foreseen), foreseen >= FORESEEN
+        learnable, repeating = max(np.nan_to_num(learnable), foreseen), bool(foreseen >= FORESEEN)
         if not repeating and steps and len(setting.recordings) == 1:
             # Of one recording a gust or missed counts repeat in no other part: only the hold-out can say so.
             repeating = _borne_out(base, state, completed, setting, search.window is not None)
@@ -142,7 +142,7 @@ def attempt(
         learnable_after, left_repeats = learnable, repeating
     elif state.worst > LARGE and not left_repeats:
         foreseen = _still_foreseen(state, setting)
-        learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), foreseen >= FORESEEN
+        learnable_after, left_repeats = max(np.nan_to_num(learnable_after), foreseen), bool(foreseen >= FORESEEN)
     # What is not large is named only if the hold-out proves it, and then that is alarm enough.
     alarm = bool(repeating and p_value <= SIGNIFICANT) if large else bool(steps)
     if steps and not alarm:  # names for scatter are none, and do not belong into the model
@@ -268,7 +268,7 @@ def _foreseen(base: BaseFit, setting: Setting, axes: Sequence[str]) -> float:
         shares = told | shares
         if all(axis in shares for axis in axes):
             break
-    return max((shares.get(axis, 0.0) for axis in axes), default=0.0)
+    return float(max((shares.get(axis, 0.0) for axis in axes), default=0.0))
 
 
 def _still_foreseen(state: State, setting: Setting) -> float:

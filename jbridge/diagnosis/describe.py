@@ -47,7 +47,7 @@ _MOSTLY = 0.8
 _REPEATS = 0.7
 """Share of what the place foresees that one wave must foresee for the force to count as periodic."""
 _MEMORY = 0.15
-"""Further share that the distance since a reversal must foresee."""
+"""Further share that the distance or the time since a reversal must foresee."""
 
 
 def describe(tracks: Sequence[Track], axis: str) -> Likeness:
@@ -78,7 +78,7 @@ def describe(tracks: Sequence[Track], axis: str) -> Likeness:
         _odd(tracks, on, most),
         _energy(tracks),
         _period(tracks, *on.span, by[axis + EITHER_WAY]),
-        _share(tracks, beside(seen, on.since)) - _share(tracks, seen),
+        max(_share(tracks, beside(seen, memory)) for memory in (on.since, on.lasting)) - _share(tracks, seen),
         "",
     )
     return dataclasses.replace(likeness, statement=_sentence(likeness, rotary=axis == "psi"))

@@ -22,7 +22,9 @@ _RIDGE = 0.02
 _WORTH = 0.02
 """Share more that a further variable must foresee to be taken."""
 _SINCE = (0.0, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, *(float(x) for x in np.linspace(0.02, 1.0, 50)))
-"""Distances since the last reversal at which memory is looked for, over the span of the axis."""
+"""Distances since the last reversal at which memory is looked for, over the span of the axis,"""
+_FOR = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0, 10.0)
+"""and times since then [s]."""
 
 Table: TypeAlias = list[NDArray[np.float64]]
 """Features of every recording: `(time, feature)` each."""
@@ -103,7 +105,9 @@ class Features:
     others: Mapping[str, tuple[Table, Table]]
     """Of the other axes and their inputs: alike in both directions of motion, and turning round with it."""
     since: Table
-    """Of the distance since the last reversal, with the sign of the velocity."""
+    """Of the distance since the last reversal, with the sign of the velocity,"""
+    lasting: Table
+    """and of the time since then, likewise."""
 
     @property
     def both(self) -> Table:
@@ -113,7 +117,7 @@ class Features:
     def each(self) -> list[Table]:
         """All of them, by what they hang on."""
         others = (table for pair in self.others.values() for table in pair)
-        return [self.place, self.turned, self.velocity, self.inputs, self.clock, *others, self.since]
+        return [self.place, self.turned, self.velocity, self.inputs, self.clock, *others, self.since, self.lasting]
 
 
 def features(tracks: Sequence[Track]) -> Features:
@@ -121,6 +125,7 @@ def features(tracks: Sequence[Track]) -> Features:
     low, high = _span(tracks, lambda t: t.q)
     top = max(float(np.quantile(np.abs(np.concatenate([t.v for t in tracks])), 0.98)), 1e-9)
     place = _hats(tracks, lambda t: t.q, low, high, _PLACES)
+    reversals = [_since_reversal(t, high - low) for t in tracks]
     return Features(
         (low, high),
         place,
@@ -129,7 +134,8 @@ def features(tracks: Sequence[Track]) -> Features:
         _hats(tracks, lambda t: t.u, *_span(tracks, lambda t: t.u), _VALUES),
         _hats(tracks, lambda t: t.times, 0.0, max(t.times[-1] for t in tracks), _PLACES),
         {name: _either_way(tracks, name) for name in tracks[0].others},
-        [_since_reversal(t, high - low) for t in tracks],
+        [distance for distance, _ in reversals],
+        [time for _, time in reversals],
     )
 
 
@@ -247,12 +253,14 @@ def _turned(even: Table, tracks: Sequence[Track]) -> Table:
     return [part * np.sign(t.v)[:, None] for part, t in zip(even, tracks, strict=True)]
 
 
-def _since_reversal(track: Track, span: float) -> NDArray[np.float64]:
-    """Hat functions of the distance since the velocity last changed sign, each with the sign of the velocity."""
+def _since_reversal(track: Track, span: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Hat functions of distance and time since the velocity last changed sign, each with the sign of the velocity."""
     sign = np.sign(track.v)
     turned = np.flatnonzero(np.diff(sign) != 0) + 1
-    last = np.searchsorted(turned, np.arange(len(sign)), side="right")
-    origin = track.q[np.concatenate([[0], turned])[last]]
-    away = np.abs(track.q - origin) / max(span, 1e-12)
-    places = np.arange(len(_SINCE), dtype=float)  # uneven knots, taken to even ones
-    return _hat_functions(np.interp(away, np.array(_SINCE), places), places) * sign[:, None]
+    last = np.concatenate([[0], turned])[np.searchsorted(turned, np.arange(len(sign)), side="right")]
+    away = np.abs(track.q - track.q[last]) / max(span, 1e-12)
+    found = []
+    for values, knots in ((away, _SINCE), (track.times - track.times[last], _FOR)):
+        places = np.arange(len(knots), dtype=float)  # uneven knots, taken to even ones
+        found.append(_hat_functions(np.interp(values, np.array(knots), places), places) * sign[:, None])
+    return found[0], found[1]

@@ -40,6 +40,20 @@ def test_a_law_is_foreseen(law, least):
     assert foreseen_by_few(runs, features(runs).each()) > least
 
 
+def test_what_grows_with_the_time_since_a_reversal_is_foreseen():
+    """Friction that strengthens while the axis keeps on: neither the place nor the distance tells of it as well."""
+
+    def law(t, q, v, u, swing, since):
+        turned = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(v)) != 0) + 1])
+        last = t[turned[np.searchsorted(turned, np.arange(len(t)), side="right") - 1]]
+        return -np.sign(v) * (1.0 - np.exp(-(t - last) / 0.6) - 0.7)
+
+    runs = tracks(law)
+    on = features(runs)
+    without = [table for table in on.each() if table is not on.lasting]
+    assert foreseen_by_few(runs, on.each()) > 0.95 > foreseen_by_few(runs, without) + 0.05
+
+
 def test_a_sum_of_laws_is_foreseen_by_few():
     both = tracks(lambda t, q, v, u, swing, since: np.sin(2 * np.pi * q / 0.3) - np.sign(v) * np.abs(swing) * 10)
     on = features(both)
