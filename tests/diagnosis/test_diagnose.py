@@ -104,19 +104,6 @@ def test_wrong_numbers_alone_raise_no_alarm():
 
 
 @pytest.mark.slow
-def test_what_happened_once_is_told_with_its_recording_and_time():
-    """An encoder that jumps by 4 mm in one of three recordings: scatter, but its owner can find it."""
-    runs = rig()
-    x = runs[1].x + np.where(runs[1].times > 4.0, 0.004, 0.0)
-    runs[1] = dataclasses.replace(runs[1], x=x)
-    found = diagnose(model(), runs[:3], runs[3:])
-    assert found.verdict == "adequate" and not found.effects and found.location.site is None
-    assert "run-2.csv" in found.statement and "run-1.csv" not in found.statement
-    (when,) = found.location.when
-    assert when.recording == "run-2.csv" and when.start - 0.3 < 4.0 < when.stop + 0.3 and when.stop - when.start < 1.5
-
-
-@pytest.mark.slow
 def test_the_same_call_gives_the_same_report(missing):
     runs = rig(("quadratic_drag", "cart", {"coefficient": DRAG}))
     assert _plain(diagnose(model(), runs[:3], runs[3:])) == _plain(missing)
