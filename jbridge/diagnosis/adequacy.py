@@ -28,7 +28,8 @@ LEARNABLE = 0.3
 """Least share of the excess that must repeat from one recording to another."""
 FORESEEN = 0.3
 """Least share of the missing force that other recordings must foresee (`repeats`) for the same, or for the names not
-to be the whole truth. Of friction that wanders by 5 % they foresee up to 0.25, of laws left out mostly 0.5 and more."""
+to be the whole truth. Of friction that wanders by 5 % they foresee up to 0.25 (seven concealed cases: 0, 0,
+0.03, 0.06, 0.14, 0.14 and 0.25), of laws left out mostly 0.5 and more."""
 STILL_LEARNABLE = 0.1
 """Least share of the excess that must repeat for the names not to be the whole truth."""
 PROVEN = 0.5

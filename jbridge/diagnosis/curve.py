@@ -50,7 +50,7 @@ def force_without_a_name(search: Search, state: State) -> State | None:
     best = min(search.each(lambda seed: _with_curve(search, state, seed), seeds), key=lambda t: t.cost)
     while several(state.batch) and 2 * len(best.candidate.values["places"]) - 1 <= _MOST_PLACES:
         found = _with_curve(search, state, _twice_as_fine(best))
-        if found.cross_validated > best.cross_validated * (1 - PAYS):
+        if not found.cross_validated <= best.cross_validated * (1 - PAYS):
             break
         best = found
     if best.cost > _CURVE_PAYS * state.cost or best.cross_validated > state.cross_validated:

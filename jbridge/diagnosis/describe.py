@@ -105,7 +105,7 @@ def _sentence(found: Likeness, rotary: bool) -> str:
         size = f"{np.degrees(found.period):.3g} degrees" if rotary else f"{1e3 * found.period:.3g} mm"
         words.append(f"repeats every {size}")
     if found.memory > _MEMORY:
-        words.append("remembers: at the same place and velocity it depends on how far back the last reversal is")
+        words.append("remembers: at the same place and velocity it depends on how long or how far back a reversal is")
     best = most_telling(found.by)
     if found.by[best] > _TOLD:
         name = best.removesuffix(EITHER_WAY)

@@ -22,7 +22,7 @@ from .tracks import Track, features, foreseen_by_few, quarters
 
 _SEEN = 0.2
 """Least share of the force's mean square beyond noise, from which it is asked."""
-_QUARTERS = 0.5
+_QUARTERS = 0.6
 """What foresight between quarters of one recording counts: friction that wanders slowly is alike in neighbours."""
 _PERIOD = 0.01
 """Least time between the samples that are looked at [s]; the force is smoothed over more than ten of these."""

@@ -70,7 +70,7 @@ class Likeness:
     period: float | None
     """Distance after which it repeats [m, rad]; None where it does not."""
     memory: float
-    """Further share that the distance since the last reversal foresees."""
+    """Further share that the distance or the time since the last reversal foresees."""
     statement: str
     """The same for the rig's owner; empty where nothing can be said."""
 

@@ -58,7 +58,7 @@ def finer(search: Search, state: State, place: int = -1) -> State:
         found = _with_knots(search, state, friction, count)
         # Of a model that leaves much, what one step gives for a recording left out is bounded, and says nothing.
         before, after = ((s.cross_validated if found.chi < POOR else left_out_at_best(s)) for s in (state, found))
-        if after > before * (1 - PAYS):
+        if not after <= before * (1 - PAYS):
             break
         state = found
         friction = _map_of(state, state.accepted[place])

@@ -18,7 +18,6 @@ from ..recordings import Recording
 from .lanes import Batch
 from .linearise import Engine
 from .setting import Setting, free_places, lanes_for
-from .smooth import smoothed
 from .solve import Fits, solve
 
 WINDOW = 2.0
@@ -172,7 +171,6 @@ def base_fit(
         short = min([short, *tries], key=_cost)
     if window is not None:
         fits = solve(engine, windows, short.vectors, [free], columns=columns, iterations=_MOST)
-        fits = smoothed(engine, windows, fits, columns)
         return BaseFit(engine, free, whole, windows, fits.vectors[0], fits.vectors[0], fits, windows)
     if progress is not None:
         progress("fitting the model to whole recordings")
@@ -181,7 +179,6 @@ def base_fit(
         # Where friction holds what should move, a window tells little and a slope nothing.
         tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=_MOST) for other in others]
         fits = min([fits, *tries], key=_cost)
-    fits = smoothed(engine, whole, fits, columns)
     return BaseFit(
         engine,
         free,

@@ -8,11 +8,12 @@ from .._threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..recordings import Recording
-from .base import WINDOW, base_fit, check_runs
+from .base import WINDOW, base_fit, check_runs, columns_for
 from .evaluate import evaluate, traces
 from .finer import LastFit, fit_finely
 from .result import Fit
 from .setting import make_setting, resolve, with_a_scale
+from .smooth import smoothed
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
 
 
@@ -56,6 +57,8 @@ def fit(
     plant = resolve(model.plant, setting.length)
     base = base_fit(plant, model.known, setting, thorough=True, window=window, progress=progress)
     check_runs(base, recordings)
+    fits = smoothed(base.engine, base.fitted, base.fits, columns_for(len(base.free)))
+    base = dataclasses.replace(base, fits=fits, vector=fits.vectors[0])
     if progress is not None:
         progress("fitting once more, with finer steps")
     last = fit_finely(LastFit.of(base))

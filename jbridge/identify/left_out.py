@@ -1,5 +1,6 @@
 """What recordings left out in turn would say of a fit, from the normal equations at hand."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from ..model.parameters import ParameterTable
 from .lanes import Batch
 from .neighbours import differences, ties
-from .solve import reduce
+from .solve import bounded_step, reduce
 
 
 def cross_validated(
@@ -73,7 +74,7 @@ def several(batch: Batch) -> bool:
     return len(np.unique(folds(batch)[batch.recording >= 0])) > 1
 
 
-def foreseen(
+def costs_left_out(
     table: ParameterTable,
     vector: NDArray[np.float64],
     free: NDArray[np.int64],
@@ -100,21 +101,19 @@ def foreseen(
         strengths: of the ties between neighbouring levels, see `solve`.
     """
     reduced = reduce(products, len(free), columns, initial, batch.initial, batch.prior)
-    levels = [j for members in table.vectors(free) for j in members]
-    low = np.full(len(free), -np.inf)
-    low[levels] = (table.bounds()[0] - vector)[free[levels]]
+    low, high = (bound[free] for bound in table.bounds())
     groups = folds(batch)
     out = {}
     for strength in strengths:
         prior = ties(table, free, products, strength)
-        scale = np.sqrt(np.maximum(np.diag(reduced.matrix + prior), 1e-300))
+        diagonal = reduced.diagonal + np.diag(prior)
         total = 0.0
         for r in np.unique(groups[groups >= 0]):
             inside = groups == r
             matrix = reduced.by_lane[~inside].sum(axis=0) + prior
             gradient = reduced.gradient_by_lane[~inside].sum(axis=0) + prior @ vector[free]
-            scaled = matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(free))
-            step = np.maximum(-np.linalg.solve(scaled, gradient / scale) / scale, low)
+            others = dataclasses.replace(reduced, matrix=matrix, gradient=gradient, diagonal=diagonal)
+            step = bounded_step(others, vector[free], low, high, 0.0)
             change = 2 * reduced.gradient_by_lane[inside].sum(0) @ step + step @ reduced.by_lane[inside].sum(0) @ step
             total += float(products[inside, -1, -1].sum() + change)
         out[strength] = total

@@ -9,18 +9,21 @@ leaves little more than noise knows its levels, and is left alone.
 import numpy as np
 
 from .lanes import Batch
-from .left_out import foreseen, several
+from .left_out import costs_left_out, several
 from .linearise import Engine
 from .neighbours import LOOSE
 from .solve import Fits, solve
 
 POOR = 3.0
 """Error over noise from which levels may take up what is not theirs."""
-_STRENGTHS = (LOOSE, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+_STRENGTHS = (LOOSE, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""All maps of a model have one of these in common; at the last they are as good as even."""
 _PAYS = 0.05
 """Share of the cost on recordings left out that firmer ties must gain."""
 _ROUNDS = 3
+"""Choices of a strength, each from the fit with the one before,"""
 _MOST = 20
+"""and the steps of each fit."""
 
 
 def smoothed(engine: Engine, batch: Batch, fits: Fits, columns: int) -> Fits:
@@ -60,4 +63,4 @@ def smoothed(engine: Engine, batch: Batch, fits: Fits, columns: int) -> Fits:
 def by_strength(engine: Engine, batch: Batch, fits: Fits, columns: int) -> dict[float, float]:
     """What recordings left out would cost with ties of each strength; arguments as of `smoothed`."""
     given = (fits.vectors[0], fits.free[0], fits.gram.products[0], columns, fits.initial[0], batch)
-    return foreseen(engine.table, *given, _STRENGTHS)
+    return costs_left_out(engine.table, *given, _STRENGTHS)

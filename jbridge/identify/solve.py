@@ -216,15 +216,17 @@ def solve(
             trial_i[j] = np.clip(initial[r] + moved, least, most)
             moved = trial_i[j] - initial[r]
             foreseen[j] = _foreseen(products[r], step, moved, columns)
+            foreseen[j] += _strain(tied[r], vectors[r, f]) - _strain(tied[r], trial_v[j, f])
         gram = engine.gram(trial_v, places[chosen], trial_i, batch, columns=columns)
         for j, r in enumerate(chosen):
             f = free[int(r)]
+            relaxed = _strain(tied[r], vectors[r, f]) - _strain(tied[r], trial_v[j, f])
             old = _objective(products[r], initial[r], batch) + _strain(tied[r], vectors[r, f])
             new = _objective(gram.products[j], trial_i[j], batch) + _strain(tied[r], trial_v[j, f])
             if np.isfinite(gram.products[j]).all() and new < old:
                 gain = (old - new) / max(old, 1e-300)
                 vectors[r], initial[r] = trial_v[j], trial_i[j]
-                fell = products[r, :, -1, -1].sum() - gram.products[j, :, -1, -1].sum()
+                fell = products[r, :, -1, -1].sum() - gram.products[j, :, -1, -1].sum() + relaxed
                 ratio = fell / foreseen[j] if foreseen[j] > 1e-9 * abs(fell) else np.inf
                 products[r], predicted[r] = gram.products[j], gram.predicted[j]
                 # The less a step keeps of what the linear model promised, the less the next one may trust it.

@@ -5,7 +5,7 @@ import pytest
 
 from jbridge.identify.base import columns_for
 from jbridge.identify.lanes import make_batch
-from jbridge.identify.left_out import foreseen
+from jbridge.identify.left_out import costs_left_out
 from jbridge.identify.linearise import Engine
 from jbridge.identify.smooth import POOR, smoothed
 from jbridge.identify.solve import solve
@@ -34,7 +34,7 @@ def test_what_is_foreseen_of_a_linear_model_is_least_squares_without_each_record
     runs = [make_recording(f"{i}.csv", times, u_x=np.sin(times), x=np.cos(times)) for i in range(lanes)]
     batch = make_batch(runs, NOISE)
     products = stacked @ stacked.swapaxes(1, 2)
-    found = foreseen(table, vector, free, products, 4, batch.initial, batch, [strength])[strength]
+    found = costs_left_out(table, vector, free, products, 4, batch.initial, batch, [strength])[strength]
     weight = np.sqrt(strength * np.einsum("lsi,lsi->i", design, design).max())
     wanted = 0.0
     for r in range(lanes):
@@ -45,9 +45,9 @@ def test_what_is_foreseen_of_a_linear_model_is_least_squares_without_each_record
     assert found == pytest.approx(wanted, rel=1e-5)
 
 
-def fitted_map(truth, *, start=3.0):
+def fitted_map(truth):
     """A map with nothing beside it, fitted to recordings of a cart whose friction is the same everywhere."""
-    given = make_plant((MAP, "cart", {"knots": KNOTS, "levels": np.full(7, start)}))
+    given = make_plant((MAP, "cart", {"knots": KNOTS, "levels": np.full(7, 3.0)}))
     volts = {k: np.stack([steps(800, k, hold=45, volts=2.5), np.zeros(800)], axis=1) for k in (0, 2, 3)}
     runs = [play(truth, u, seed=k) for k, u in volts.items()]
     engine = Engine(given)
