@@ -6,8 +6,7 @@ neighbours cost some of the fit and are worth it if what others learned then for
 leaves little more than noise knows its levels, and is left alone.
 """
 
-import numpy as np
-
+from .base import chi
 from .lanes import Batch
 from .left_out import costs_left_out, several
 from .linearise import Engine
@@ -36,8 +35,7 @@ def smoothed(engine: Engine, batch: Batch, fits: Fits, columns: int) -> Fits:
         columns: columns of the engine's program.
     """
     free = fits.free[0]
-    measured = int((np.asarray(batch.lanes.weight) > 0).sum())
-    poor = float(fits.cost[0]) > POOR**2 * measured
+    poor = chi(float(fits.cost[0]), batch) > POOR
     if not poor or not several(batch) or not engine.table.vectors(free):
         return fits
     now = LOOSE
