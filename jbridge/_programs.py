@@ -36,6 +36,11 @@ _GROWN = 0.5 * 2**30
 """By how much a process must have grown since it last dropped programs [byte]."""
 _without = 0.0
 """Memory after that [byte]."""
+_OFTEN: dict[str, bool | int] = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+"""What the compiler is asked for on a processor. Measured on the loops of a fit: code as fast as by its own choice (the
+second level, and emitters of fused operations that go through another compiler first), made in half the time."""
+_ONCE = _OFTEN | {"xla_backend_optimization_level": 0}
+"""The same where a program runs a few times only: made in a quarter of the time, one to three times slower."""
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
 _all: "weakref.WeakSet[Program]" = weakref.WeakSet()
@@ -106,25 +111,29 @@ def returned(cls: T) -> T:
     return cls
 
 
-def kept(*, static: tuple[int, ...] = ()) -> Callable[[Callable], "Program"]:
+def kept(*, static: tuple[int, ...] = (), once: bool = False) -> Callable[[Callable], "Program"]:
     """`jax.jit` for a function of arrays that remembers its programs, see `keep_in`.
 
     Args:
         static: places of arguments that are no arrays. Equal ones make the same program, and their `repr` says, in
             words that are the same in every process, all that it depends on.
+        once: whether a program runs but a few times, so that it matters more how soon it is made than how fast it is.
     """
-    return functools.partial(Program, static=static)
+    return functools.partial(Program, static=static, once=once)
 
 
 class Program:
     """A compiled function, traced once for all runs. May be called inside another one, which then takes it in."""
 
-    def __init__(self, function: Callable, static: tuple[int, ...]):
+    def __init__(self, function: Callable, static: tuple[int, ...], once: bool = False):
         functools.update_wrapper(self, function)
         self._name: str = function.__name__
         self._function = function
         self._static = static
-        self._jit = jax.jit(function, static_argnums=static)
+        self._once = once
+        self._within = jax.jit(function, static_argnums=static)
+        """Inside another program, which is compiled as that one is."""
+        self._jit: Callable | None = None
         self._loaded: dict[Hashable, Callable] = {}
         self._locks: dict[Hashable, threading.Lock] = {}
         _all.add(self)
@@ -139,7 +148,11 @@ class Program:
         given = [arg for i, arg in enumerate(args) if i not in self._static]
         leaves, treedef = jax.tree.flatten(given)
         plain = any(isinstance(leaf, jax.core.Tracer) or not hasattr(leaf, "shape") for leaf in leaves)
-        if folder is None or plain:
+        if plain:
+            return self._within(*args)
+        if folder is None:
+            if self._jit is None:
+                self._jit = jax.jit(self._function, static_argnums=self._static, compiler_options=_asked(self._once))
             return self._jit(*args)
         constants = tuple(args[i] for i in self._static)
         kinds = tuple((leaf.shape, str(leaf.dtype), bool(getattr(leaf, "weak_type", False))) for leaf in leaves)
@@ -160,7 +173,7 @@ class Program:
             return self._function(*args)
 
         flat.__name__ = self._name
-        traced = jax.jit(flat)
+        traced = jax.jit(flat, compiler_options=_asked(self._once))
         structures = [treedef, *(c.treedef for c in jax.tree.leaves(constants) if hasattr(c, "treedef"))]
         if not all(_is_ours(structure) for structure in structures):
             return traced  # of sources elsewhere a name says nothing
@@ -179,7 +192,20 @@ class Program:
             return exported.call(*leaves)
 
         call.__name__ = self._name
-        return jax.jit(call)
+        return jax.jit(call, compiler_options=_asked(self._once))
+
+
+@functools.cache
+def _asked(once: bool) -> dict[str, bool | int] | None:
+    """What the compiler is asked for; nothing where there is another one, or one that does not know these words."""
+    options = _ONCE if once else _OFTEN
+    if jax.default_backend() != "cpu":
+        return None
+    try:
+        jax.jit(lambda: 0, compiler_options=options)()
+    except Exception:  # whatever a later version of the compiler says to options that it no longer has
+        return None
+    return options
 
 
 def _is_ours(structure: Any) -> bool:

@@ -229,7 +229,7 @@ class _Given(NamedTuple):
     readings: Float[Array, "sample 3"]
 
 
-@kept(static=(0, 1))
+@kept(static=(0, 1), once=True)
 def _ports(
     table: ParameterTable | None,
     families: tuple[tuple[ParameterTable, bool], ...],

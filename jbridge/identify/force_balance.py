@@ -140,7 +140,7 @@ def as_played(
     return dataclasses.replace(recording, **changed)
 
 
-@kept()
+@kept(once=True)
 def _chain(
     plant: Plant, start: Scalar, dt: Float[Array, " time"], inputs: Float[Array, "time 2"]
 ) -> Float[Array, "time 2"]:
@@ -193,7 +193,7 @@ def _residual(
     return out
 
 
-@kept(static=(0,))
+@kept(static=(0,), once=True)
 def _left_over(
     loaded: bool, plant: Plant, t: Float[Array, " time"], q: Axes, v: Axes, a: Axes, volts: Axes
 ) -> tuple[Axes, Axes, Axes]:

@@ -53,7 +53,7 @@ class Seen(NamedTuple):
     to_state: Float[Array, "lane sample 3 state"]
 
 
-@kept(static=(0,))
+@kept(static=(0,), once=True)
 def _seen(table: ParameterTable, vector: Float[Array, " parameter"], lanes: Lanes, along: Along) -> Seen:
     def one(lanes: Lanes, along: Along) -> Seen:
         plant = table.unravel(lanes.own(vector))
@@ -73,7 +73,7 @@ def _seen(table: ParameterTable, vector: Float[Array, " parameter"], lanes: Lane
     return jax.vmap(one)(lanes, along)
 
 
-@kept(static=(0,))
+@kept(static=(0,), once=True)
 def _from_start(
     table: ParameterTable, vector: Float[Array, " parameter"], lanes: Lanes, start: Float[Array, "lane initial"]
 ) -> Float[Array, "lane coordinate initial"]:

@@ -61,7 +61,7 @@ def linearise(
     return _linearise(part.table, np.asarray(vector)[part.places], initial, of_part(part, lanes), forces)
 
 
-@kept(static=(0,))
+@kept(static=(0,), once=True)
 def _linearise(
     table: ParameterTable,
     vector: Float[Array, " parameter"],
