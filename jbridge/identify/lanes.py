@@ -170,8 +170,11 @@ def make_batch(
             continue
         starts_at = np.arange(0.0, max(g.times[-1] - 0.5 * window, 1e-9), window)
         edges = np.searchsorted(g.times, starts_at)
-        stops = [*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)]
-        cuts += [(r, int(a), int(min(b, g.intervals))) for a, b in zip(edges, stops, strict=True)]
+        stops = np.minimum([*edges[1:], np.searchsorted(g.times, g.times[edges[-1]] + window)], g.intervals)
+        # What begins within a gap would be told of its state across it.
+        rows = np.flatnonzero(g.measured.any(axis=1))
+        begins = rows[np.minimum(np.searchsorted(rows, edges), len(rows) - 1)]
+        cuts += [(r, int(a), int(b)) for a, b in zip(begins, stops, strict=True) if a < b]
     longest = _rounded(max(b - a for _, a, b in cuts))
     earlier = math.ceil(history / min(recording.period for recording in recordings))
     n = _filled(len(cuts))

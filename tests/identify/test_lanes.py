@@ -66,6 +66,19 @@ def test_windows_follow_each_other_and_leave_less_than_half_of_one(seconds):
     assert begins[-1] + lengths[real][-1] >= seconds - 1.0 - 1e-9
 
 
+@pytest.mark.parametrize(
+    ("gap", "begins"), [((1.5, 2.8), [0.0, 2.8, 4.0]), ((1.5, 4.5), [0.0, 4.5]), ((5.6, 6.0), [0.0, 2.0, 4.0])]
+)
+def test_a_window_does_not_begin_within_a_gap(gap, begins):
+    times = even(6.5)
+    times = times[(times <= gap[0] + 1e-9) | (times >= gap[1] - 1e-9)]
+    batch = make_batch([swing_run(times)], NOISE, window=2.0)
+    real = batch.recording >= 0
+    np.testing.assert_allclose(np.asarray(batch.lanes.lane.start)[real], begins, atol=1e-9)
+    measured = np.asarray(batch.lanes.weight)[real, :, 0] > 0
+    assert measured[:, 0].all()
+
+
 def test_a_window_knows_the_inputs_before_it():
     run = swing_run(even(4.0))
     batch = make_batch([run], NOISE, window=2.0)
