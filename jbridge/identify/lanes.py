@@ -6,7 +6,7 @@ points without a measurement, so that no step is longer than the engine's.
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -32,6 +32,8 @@ _STILL = 4.0
 """Range over noise of a channel's first samples up to which it starts at rest."""
 _REST = 0.5
 """Time [s] of rest at a recording's start that leaves no doubt of it; a load hardly swinging may be still for less."""
+_ANYWHERE = 1.0
+"""One over the standard deviation [1/m, 1/rad] of an initial place that readings do not tell."""
 
 
 class Lanes(eqx.Module):
@@ -142,6 +144,7 @@ def make_batch(
     play: float = 0.0,
     substeps: int | None = None,
     history: float = HISTORY,
+    altered: Collection[str] = (),
     like: "Batch | None" = None,
 ) -> Batch:
     """Lanes of all recordings.
@@ -157,6 +160,7 @@ def make_batch(
         play: free play between motor and cart [m]. Where in it the motor stands shows once the cart has moved by more.
         substeps: integration steps in each interval; by default from `step`.
         history: time before a lane [s] whose inputs still count.
+        altered: axes whose sensors read something else than where a thing is, as far as the model knows.
         like: a batch whose shape to take if there is room in it, so that its program serves this one, too.
     """
     period = float(np.median([recording.period for recording in recordings]))
@@ -207,6 +211,9 @@ def make_batch(
             for place, value in overrides[r].items():
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
+        for k, axis in enumerate(AXES):
+            if axis in altered and np.isfinite(prior[i, k]):
+                prior[i, k] = _ANYWHERE
         if play > 0.0:
             told[i] += _moves(g, a, b, play + _STILL * sigma.get("x", 0.0))
         if not len(known):

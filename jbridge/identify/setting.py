@@ -236,6 +236,7 @@ def lanes_for(
         play=0.0 if play is None else float(play.gap),
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
+        altered=[axis for axis in AXES if any(effect.site == f"{axis}_sensor" for effect in plant.effects)],
         like=like,
     )
 

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import AXES
-from ..model.parameters import ParameterTable
 from .lanes import Batch
 from .linearise import Engine, Gram
 from .neighbours import LOOSE, ties
@@ -190,8 +188,7 @@ def solve(
     # A start that runs away has no tangents to go by.
     active = np.array([np.isfinite(own).all() for own in products])
     quiet = np.zeros(rows, int)
-    rooms = np.array([_room(engine.table, vectors[i], free[i], batch) for i in range(rows)])
-    leasts, mosts = batch.initial - rooms, batch.initial + rooms
+    least, most = batch.initial - _room(batch), batch.initial + _room(batch)
     tied = [np.zeros((0, 0))] * rows
     done = 0
     for done in range(1, iterations + 1):
@@ -202,7 +199,7 @@ def solve(
         for j, r in enumerate(chosen):
             f = free[int(r)]
             tied[r] = ties(engine.table, f, products[r], strength)
-            prior, least, most = batch.prior, leasts[r], mosts[r]
+            prior = batch.prior
             for _ in range(2):
                 reduced = reduce(products[r], len(f), columns, initial[r], batch.initial, prior, damping[r])
                 reduced = _tied(reduced, tied[r], vectors[r, f])
@@ -257,20 +254,10 @@ def _strain(precision: NDArray[np.float64], at: NDArray[np.float64]) -> float:
     return float(at @ precision @ at)
 
 
-def _room(
-    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], batch: Batch
-) -> NDArray[np.float64]:
+def _room(batch: Batch) -> NDArray[np.float64]:
     """How far each initial value may move from its first guess, `(lane, state)`."""
     room = np.where(np.isfinite(batch.prior), _REACH / np.where(batch.prior > 0, batch.prior, 1.0), 0.0)
-    room[batch.prior == 0] = np.inf
-    for k, axis in enumerate(AXES):
-        for places in table.of_site(f"{axis}_sensor").values():
-            null = table.entry(places[0]).info.null
-            if np.isin(places, free).any() or not np.allclose(vector[places], null):
-                # Guesses are made from readings, and this sensor may read something else than the truth.
-                room[:, k] = np.where(np.isfinite(batch.prior[:, k]), np.inf, 0.0)
-                break
-    return room
+    return np.where(batch.prior == 0, np.inf, room)
 
 
 def _foreseen(

@@ -79,6 +79,15 @@ def test_a_window_does_not_begin_within_a_gap(gap, begins):
     assert measured[:, 0].all()
 
 
+def test_where_a_thing_is_does_not_follow_from_a_sensor_that_reads_something_else():
+    run = swing_run(even(2.0))
+    trusted, altered = make_batch([run], NOISE), make_batch([run], NOISE, altered=["x"])
+    # Held about a reading that is 0.055 m off, a start would be a thousand standard deviations away.
+    assert trusted.prior[0, 0] > 100.0 and altered.prior[0, 0] * 0.055 < 0.1
+    np.testing.assert_array_equal(trusted.prior[0, 1:], altered.prior[0, 1:])
+    np.testing.assert_array_equal(trusted.initial, altered.initial)
+
+
 def test_a_window_knows_the_inputs_before_it():
     run = swing_run(even(4.0))
     batch = make_batch([run], NOISE, window=2.0)

@@ -71,7 +71,7 @@ def test_a_start_that_a_sensor_misreads_may_move_as_far_as_it_misreads():
     volts = [np.stack([np.append(np.zeros(30), steps(570, k)), np.zeros(600)], axis=1) for k in range(2)]
     runs = [play(truth, u, active=LOCKED_ROPE, start={"x": 0.5, "l": 0.7}, seed=k) for k, u in enumerate(volts)]
     engine = Engine(given)
-    batch = make_batch(runs, NOISE, size=engine.table.size)
+    batch = make_batch(runs, NOISE, size=engine.table.size, altered=["psi"])
     place = engine.table.positions("sensor_offset@psi_sensor.offset")
     vector = np.array(engine.table.ravel(given))
     found = solve(engine, batch, vector[None], [np.array(place)], columns=8, iterations=30)
