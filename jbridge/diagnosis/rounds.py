@@ -45,6 +45,10 @@ that is missing explains it whole; what explains it by half is another one's lik
 STRONG = 0.1
 """Cost, relative to the model without it, at which an effect is taken before those with a hidden state are tried: what
 it leaves over is explained in the next round, and it is dropped again if that makes it superfluous."""
+_MAINLY = 0.9
+"""Share of the excess that the first law must explain which is to take a curve's place."""
+_AS_A_CURVE = 0.1
+"""Rise of the cost up to which a law with a few numbers does as well as a curve with many."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,8 +158,20 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     for candidate in state.accepted:
         alone = of_place_alone(search, state, candidate)
         if alone is not None:
-            return _without_friction(search, done, candidate, *alone)
+            search.barred |= {candidate.name}
+            return _named_after_all(search, base, _without_friction(search, done, candidate, *alone))
     return done
+
+
+def _named_after_all(search: Search, base: BaseFit, curved: Explained) -> Explained:
+    """What has a name, a spring say, if it leaves as little as a force of the place alone that has none; else that."""
+    bare = curved.state
+    _, trials = _screened(search, bare)  # a hidden state plays no force of the place
+    if not any(explained(bare, trial, floor_of(trials)) >= _MAINLY for trial in trials):
+        return curved
+    named = accept_effects(search, base, True, dataclasses.replace(curved, curve=None))
+    as_well = curved.curve is not None and named.state.cost <= curved.curve.cost * (1 + _AS_A_CURVE)
+    return named if as_well and named.state.worst <= LARGE else curved
 
 
 def _without_friction(search: Search, done: Explained, friction: Candidate, bare: State, curved: State) -> Explained:
@@ -260,8 +276,8 @@ def _alone(
     return alone, [Step(1, trials[0], ranked, refused)]
 
 
-def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
-    """Refits what is promising, looking the closer the less that explains."""
+def _screened(search: Search, state: State) -> tuple[Screen, list[Trial]]:
+    """Refits what a linear screen finds promising, looking the closer the less that explains."""
     screened = search.look(state)
     trials = search.refit(state, screened)
     if search.window is None and state.chi > NONLINEAR and not _explained(trials, NEAR):
@@ -269,6 +285,12 @@ def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
         trials += search.refit(state, screened, trials)
     elif not _explained(trials, LARGE):
         trials += search.refit(state, screened, trials)
+    return screened, trials
+
+
+def _weigh(search: Search, state: State) -> tuple[Screen, list[Trial]]:
+    """Refits what is promising, with a hidden state or without."""
+    screened, trials = _screened(search, state)
     strong = any(t.cost < STRONG * state.cost for t in trials)
     if not strong and len(state.accepted) < MOST_WITH_MECHANISMS and not _explained(trials, CLOSE):
         trials += mechanisms(search, state)

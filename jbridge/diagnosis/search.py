@@ -91,6 +91,8 @@ class Search:
         self.leave_out = leave_out
         self.urged = False
         """Whether the hold-out shows that more is missing than the recordings tell: then small gains count."""
+        self.barred: frozenset[tuple[str, str]] = frozenset()
+        """Kinds and sites of explanations that turned out to play something else."""
         self._first: Screen | None = None
 
     def least_gain(self, state: State) -> float:
@@ -100,7 +102,8 @@ class Search:
     def candidates(self, state: State) -> list[Candidate]:
         """What may be missing beside a state's model, and where to start looking."""
         scene = scene_of(self.setting, state.plant)
-        return candidates(state.plant, state.known, self.setting, scene, one_seed=SEEDS in self.leave_out)
+        found = candidates(state.plant, state.known, self.setting, scene, one_seed=SEEDS in self.leave_out)
+        return [candidate for candidate in found if candidate.name not in self.barred]
 
     def look(self, state: State) -> Screen:
         """Screens every candidate without a hidden state, on the state's own lanes."""

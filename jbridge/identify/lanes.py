@@ -211,9 +211,9 @@ def make_batch(
             for place, value in overrides[r].items():
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
-        for k, axis in enumerate(AXES):
-            if axis in altered and np.isfinite(prior[i, k]):
-                prior[i, k] = _ANYWHERE
+        for place, name in enumerate(AXES):
+            if name in altered and np.isfinite(prior[i, place]):
+                prior[i, place] = _ANYWHERE
         if play > 0.0:
             told[i] += _moves(g, a, b, play + _STILL * sigma.get("x", 0.0))
         if not len(known):

@@ -7,7 +7,10 @@ import pytest
 
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.curve import force_without_a_name, of_place_alone
+from jbridge.diagnosis.rounds import Explained, accept_effects
 from jbridge.diagnosis.search import Search, state_of
+from jbridge.diagnosis.tell import Step
+from jbridge.diagnosis.trials import as_trial
 from jbridge.identify.base import base_fit
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import lanes_for, make_setting
@@ -81,3 +84,32 @@ def test_friction_by_place_and_direction_is_no_force_of_the_place(common, apart)
     search, state = with_a_map(("position_direction_friction", "cart", friction))
     assert state.chi < 1.1
     assert of_place_alone(search, state, MAP) is None
+
+
+def gone_on(effect):
+    """What a search finds that goes on from a map of friction to recordings of a rig with something else."""
+    mapped, state = with_a_map(effect)
+    model = cart_model(DRY, cart_damping=30.0)
+    base = base_fit(model.plant, model.known, mapped.setting)
+    search = Search(model.plant, model.known, mapped.setting, None)
+    chosen = as_trial(state, MAP, 9.0)
+    begin = Explained(state, [Step(1, chosen, [chosen], {})], 1.0, 1.0, None, [])
+    found = accept_effects(search, base, True, begin)
+    names = [step.chosen.candidate.name for step in found.steps]
+    assert names == [accepted.name for accepted in found.state.accepted]
+    return found, names
+
+
+@pytest.mark.slow
+def test_what_has_a_name_is_told_where_a_map_had_played_a_force_of_the_place():
+    """A map plays a spring as well as it plays any force of the place, and may be taken before a spring is tried."""
+    found, names = gone_on(("spring_force", "cart", {"stiffness": 5.0, "rest": 0.7}))
+    assert names == [("spring_force", "cart")] and found.curve is None
+    told = found.state.plant.effects[-1]
+    assert float(told.stiffness) == pytest.approx(5.0, rel=0.05) and float(told.rest) == pytest.approx(0.7, abs=0.02)
+
+
+@pytest.mark.slow
+def test_what_has_none_is_not_called_something_else_instead():
+    found, names = gone_on(("residual_force", "cart", CURVE))
+    assert names == [] and found.curve is not None and found.curve.chi < 1.1 < found.state.chi
