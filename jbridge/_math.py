@@ -29,6 +29,11 @@ _SIN = (
 _LN2 = (6.93145751953125e-1, 1.42860682030941723212e-6)
 
 
+def on_processor() -> bool:
+    """Whether programs run on a processor, where short loops are cheap and what a kernel writes to memory is not."""
+    return jax.default_backend() == "cpu"
+
+
 def materialise(tree: Any, go: Array) -> Any:
     """The same values, computed once.
 

@@ -6,6 +6,8 @@ only with their neighbours that is a fourth of the work of the plain grid, and t
 numbers are known while a program is traced.
 """
 
+import functools
+import operator
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -56,14 +58,19 @@ def columns(shapes: Sequence[Any], grid: Any) -> list[Column] | None:
     return [Column(*parts) for parts in zip(covers, counts.tolist(), levers.tolist(), strict=True) if parts[0]]
 
 
+def nothing(weights: Sequence[Array]) -> Array:
+    """0, unless a firing strength is no number: a choice among degrees may lose that, but not a sum that begins so."""
+    return 0.0 * functools.reduce(operator.add, weights)
+
+
 def area_and_moment(
     found: Sequence[Column], weights: Sequence[Array], implication: AbstractNorm, aggregation: AbstractNorm
 ) -> tuple[Array, Array]:
     """Sum of the degrees of the set that is put together, and of their moments about the grid's middle."""
-    area = moment = jnp.zeros_like(weights[0])
+    area = moment = nothing(weights)
     for column in found:
-        parts = [implication(jnp.asarray(degree, area.dtype), weights[k]) for k, degree in column.cover]
-        degree = aggregation.all(parts)
+        parts = [implication.of_numbers(jnp.asarray(degree, area.dtype), weights[k]) for k, degree in column.cover]
+        degree = functools.reduce(aggregation.of_numbers, parts)
         area, moment = area + column.number * degree, moment + column.lever * degree
     return area, moment
 

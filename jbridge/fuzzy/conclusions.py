@@ -5,17 +5,19 @@ has the degrees over the grid, or no more than their sums, as numbers: for gradi
 """
 
 import abc
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._types import Scalar
-from .columns import Column, area_and_moment
+from .columns import Column, area_and_moment, nothing
 from .defuzzify import AbstractDefuzzifier, Centroid
-from .norms import AbstractNorm, Softness
+from .norms import AbstractNorm, Softness, weighed
 
 
 class AbstractConclusions(eqx.Module):
@@ -43,6 +45,79 @@ class Gridded(AbstractConclusions):
     def value(self, weights: Sequence[Array], softness: Softness) -> Scalar:
         parts = [self.implication(shape, weight) for shape, weight in zip(self.shapes, weights, strict=True)]
         return self.defuzzifier(self.grid, self.aggregation.all(parts), softness)
+
+
+@jax.custom_jvp
+def _degree(numbers: tuple[Array, ...], degree: Array, slopes: Array) -> Array:
+    """A degree that is known, of a set whose numbers it depends on."""
+    return degree
+
+
+def _degree_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    _, degree, slopes = primals
+    return degree, weighed(tangents[0], [slopes[place] for place in range(len(tangents[0]))])
+
+
+_degree.defjvp(_degree_jvp, symbolic_zeros=True)
+
+
+class Swept(AbstractConclusions):
+    """Sets put together one point after the other, all rollouts of a batch abreast; for the centroid.
+
+    Neither the batch's degrees over the grid nor their gradients are ever written to memory: how a degree depends on
+    its set's numbers is known beforehand, too, so that a gradient adds up a few numbers a set, and no point.
+    """
+
+    numbers: Float[Array, " number"]
+    """What the degrees depend on: the sets' own numbers, and the ends of the universe."""
+    places: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    """Which of them each set's degrees depend on."""
+    degrees: tuple[Float[Array, " point"], ...]
+    slopes: tuple[Float[Array, "point _"], ...]
+    """Derivatives of each set's degrees by its numbers."""
+    low: Scalar
+    high: Scalar
+    implication: AbstractNorm
+    aggregation: AbstractNorm
+
+    @classmethod
+    def of(
+        cls,
+        shapes: Sequence[tuple[Callable[..., Array], tuple[Scalar, ...]]],
+        universe: tuple[Scalar, Scalar],
+        implication: AbstractNorm,
+        aggregation: AbstractNorm,
+    ) -> "Swept":
+        """From functions that give a set's degrees over the grid, and the numbers that each of them takes."""
+        # One array, since a loop's gradient is added up leaf by leaf. What several sets share is one number.
+        shared = {id(number): number for _, numbers in shapes for number in numbers}
+        order = {key: place for place, key in enumerate(shared)}
+        places = tuple(tuple(order[id(number)] for number in numbers) for _, numbers in shapes)
+        numbers = jnp.stack(list(shared.values()))
+        still = jax.lax.stop_gradient(numbers)
+        sets = [(shape, still[jnp.asarray(own)]) for (shape, _), own in zip(shapes, places, strict=True)]
+        degrees = tuple(shape(own) for shape, own in sets)
+        slopes = tuple(jax.jacfwd(shape)(own) for shape, own in sets)
+        return cls(numbers, places, degrees, slopes, *universe, implication, aggregation)
+
+    def value(self, weights: Sequence[Array], softness: Softness) -> Scalar:
+        points = len(self.degrees[0])
+        each = [jnp.squeeze(number, 0) for number in jnp.split(self.numbers, len(self.numbers))]
+        numbers = [tuple(each[place] for place in places) for places in self.places]
+        levers = jnp.linspace(-0.5, 0.5, points, dtype=weights[0].dtype)
+
+        def add(sums: tuple[Array, Array], point: Any) -> tuple[tuple[Array, Array], None]:
+            degrees, slopes, lever = point
+            own = map(_degree, numbers, degrees, slopes)
+            parts = [self.implication.of_numbers(degree, w) for degree, w in zip(own, weights, strict=True)]
+            total = functools.reduce(self.aggregation.of_numbers, parts)
+            return (sums[0] + total, sums[1] + total * lever), None
+
+        begin = nothing(weights), nothing(weights)
+        along = (self.degrees, self.slopes, levers)
+        (area, moment), _ = jax.lax.scan(jax.checkpoint(add, prevent_cse=False), begin, along)
+        middle = 0.5 * (self.low + self.high)
+        return Centroid().balance(middle, area, moment * (self.high - self.low), points, softness)
 
 
 class Columned(AbstractConclusions):

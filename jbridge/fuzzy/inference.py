@@ -10,18 +10,21 @@ corners average out, and rounding them would cost more than all the rest. In eit
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._math import on_processor
+from .._types import Scalar
 from .columns import columns, evaluate, known
-from .conclusions import AbstractConclusions, Columned, Gridded, Weighed
+from .conclusions import AbstractConclusions, Columned, Gridded, Swept, Weighed
 from .defuzzify import AbstractDefuzzifier, Centroid
 from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
-from .rules import Clause, Labelled, Rule, Variable
+from .rules import Clause, Labelled, Rule, Variable, universe
 
 POINTS = 101
 """Points of the grid on which sets are put together, MATLAB's default."""
@@ -101,7 +104,8 @@ class Mamdani(AbstractSystem):
         )
         rules = tuple(tuple(places for _, places in found) for found in said)
         norms = self.conjunction, self.disjunction, self.aggregation
-        return Prepared(self.inputs, self.outputs, self.rules, *norms, rules, conclusions)
+        inputs = tuple(variable.ready() for variable in self.inputs) if traced else self.inputs
+        return Prepared(inputs, self.outputs, self.rules, *norms, rules, conclusions)
 
     def _said(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
         """What is concluded about one output, and by which rules.
@@ -135,19 +139,22 @@ class Mamdani(AbstractSystem):
         shapes, grid = (
             evaluate(_shapes, variable, clauses, self.points) if fixed else _shapes(variable, clauses, self.points)
         )
+        if centroid and self._is_linear:
+            return Weighed.of(shapes, grid)
+        found = None
         if (
             fixed
             and centroid
-            and not self._is_linear
             and isinstance(self.implication, Minimum | Product)
             and isinstance(self.aggregation, Maximum | Sum | ProbabilisticSum)
         ):
             found = columns(shapes, grid)
-            if found is not None:
-                middle = float(0.5 * (grid[0] + grid[-1]))
-                return Columned(tuple(found), middle, self.points, self.implication, self.aggregation)
-        if centroid and self._is_linear:
-            return Weighed.of(shapes, grid)
+        if found is not None:
+            middle = float(0.5 * (grid[0] + grid[-1]))
+            return Columned(tuple(found), middle, self.points, self.implication, self.aggregation)
+        if traced and centroid and on_processor():  # elsewhere many points at a time cost no more
+            degrees = [_degrees(variable, clause, self.points) for clause in clauses]
+            return Swept.of(degrees, (variable.low, variable.high), self.implication, self.aggregation)
         shapes, grid = tuple(jnp.asarray(shape) for shape in shapes), jnp.asarray(grid)
         return Gridded(shapes, grid, self.implication, self.aggregation, self.defuzzifier)
 
@@ -182,6 +189,19 @@ class Prepared(AbstractSystem):
 
 def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:
     """Degrees of some conclusions over the output's grid, and the grid."""
-    grid = variable.grid(points)
-    degrees = [variable.sets[clause.label].degree(grid) for clause in clauses]
-    return [1.0 - d if clause.negated else d for d, clause in zip(degrees, clauses, strict=True)], grid
+    degrees = (_degrees(variable, clause, points) for clause in clauses)
+    return [shape(numbers) for shape, numbers in degrees], variable.grid(points)
+
+
+def _degrees(
+    variable: Variable, clause: Clause, points: int
+) -> tuple[Callable[..., Float[Array, " point"]], tuple[Scalar, ...]]:
+    """A conclusion's degrees over the output's grid, as a function of numbers, and these."""
+    numbers, treedef = jax.tree.flatten((variable.sets[clause.label], variable.low, variable.high))
+
+    def shape(numbers: Sequence[Scalar] | Float[Array, " number"]) -> Float[Array, " point"]:
+        member, low, high = jax.tree.unflatten(treedef, list(numbers))
+        degree = member.degree(universe(low, high, points))
+        return 1.0 - degree if clause.negated else degree
+
+    return shape, tuple(numbers)

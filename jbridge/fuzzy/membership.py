@@ -5,6 +5,7 @@ ascending order; equal corners make a vertical flank, which has the value of its
 """
 
 import abc
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -43,45 +44,78 @@ class AbstractMembership(eqx.Module):
             softness: width, in degrees of membership, over which corners are rounded; None leaves them sharp.
         """
 
-
-@jax.jit
-def _flanks(value: Array, rise: tuple[Array, Array], fall: tuple[Array, Array], softness: Softness) -> Array:
-    """Degree of a shape that rises between two corners, stays, and falls between two others.
-
-    Jitted on its own, so that all sets share one trace: a third less before the compiler starts.
-    """
-
-    def flank(low: Array, high: Array, distance: Array, inside: Array) -> Array:
-        width = high - low
-        steep = width <= _NARROW
-        return jnp.where(steep, inside.astype(distance.dtype), distance / jnp.where(steep, 1.0, width))
-
-    up = flank(*rise, value - rise[0], value >= rise[1])
-    down = flank(*fall, fall[1] - value, value <= fall[0])
-    if softness is None:
-        return between(lesser(up, down), 0.0, 1.0)
-    width = jnp.asarray(softness, up.dtype)
-    height = _at_most(_at_most(up, down, width), 1.0, width)
-    # At least 0, its corner rounded alike.
-    return height - _at_most(height, 0.0, width)
+    @abc.abstractmethod
+    def general(self) -> "AbstractMembership":
+        """The same set as one of a kind that holds this kind's, so that sets of both are computed alike."""
 
 
 @jax.custom_jvp
-def _at_most(a: Array, b: Array | float, width: Array) -> Array:
-    """The smaller of two heights, its corner rounded where they are closer than a width."""
-    near = 1.0 - lesser(jnp.abs(a - b) / width, 1.0)
-    return lesser(a, b) - 0.25 * width * near * near
+def _flanks(
+    value: Array, left: Array, top_left: Array, top_right: Array, right: Array, softness: Array | None
+) -> Array:
+    """Degree of a shape that rises between two corners, stays, and falls between two others."""
+    _, _, up, down = _slopes(value, left, top_left, top_right, right)
+    return _height(up, down, softness)[0]
 
 
-def _at_most_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
-    a, b, width = primals
+def _flanks_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    """Written out, since what the chain rule gives is several times the code."""
+    per_rise, per_fall, up, down = _slopes(*primals[:5])
+    height, by_up, by_down, by_softness = _height(up, down, primals[5])
+    rise, fall = by_up * per_rise, by_down * per_fall
+    derivatives = [rise - fall, rise * (up - 1.0), -rise * up, fall * down, fall * (1.0 - down), by_softness]
+    return height, weighed(*zip(*((t, d) for t, d in zip(tangents, derivatives, strict=True) if t is not None)))
+
+
+_flanks.defjvp(_flanks_jvp, symbolic_zeros=True)
+
+
+@jax.jit
+def _ramps(value: Array, left: Array, top_left: Array, top_right: Array, right: Array, softness: Softness) -> Array:
+    """The same for any softness. Jitted on its own, so that all sets share one trace, which costs more than it."""
+    blur = None if softness is None else jnp.asarray(softness, jnp.result_type(value, left))
+    return _flanks(value, left, top_left, top_right, right, blur)
+
+
+def _slopes(
+    value: Array, left: Array, top_left: Array, top_right: Array, right: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Slopes of the flanks (0 for vertical ones), and the heights of their straight lines at a value."""
+
+    def per(width: Array) -> tuple[Array, Array]:
+        steep = width <= _NARROW
+        return steep, jnp.where(steep, 0.0, 1.0 / jnp.where(steep, 1.0, width))
+
+    (steep_rise, rise), (steep_fall, fall) = per(top_left - left), per(right - top_right)
+    up = jnp.where(steep_rise, jnp.where(value >= top_left, 1.0, 0.0), (value - left) * rise)
+    down = jnp.where(steep_fall, jnp.where(value <= top_right, 1.0, 0.0), (right - value) * fall)
+    return rise, fall, up, down
+
+
+def _height(up: Array, down: Array, softness: Array | None) -> tuple[Array, Array, Array, Array | None]:
+    """The smaller of two heights, kept between 0 and 1, and its derivatives by both and by the softness."""
+    if softness is None:
+        least = lesser(up, down)
+        inside = jnp.where((least < 0.0) | (least > 1.0), 0.0, 1.0)
+        return between(least, 0.0, 1.0), jnp.where(up < down, inside, 0.0), jnp.where(up < down, 0.0, inside), None
+    least, up_share, by_width = _at_most(up, down, softness)
+    capped, under, cap_by_width = _at_most(least, 1.0, softness)
+    # At least 0, its corner rounded alike.
+    below, beyond, below_by_width = _at_most(capped, 0.0, softness)
+    share = (1.0 - beyond) * under
+    by_softness = (1.0 - beyond) * (under * by_width + cap_by_width) - below_by_width
+    return capped - below, share * up_share, share * (1.0 - up_share), by_softness
+
+
+def _at_most(a: Array, b: Array | float, width: Array) -> tuple[Array, Array, Array]:
+    """The smaller of two heights, its corner rounded where they are closer than a width.
+
+    Returns:
+        The height, and its derivatives by the first one and by the width.
+    """
     near = 1.0 - lesser(jnp.abs(a - b) / width, 1.0)
     by_a = jnp.where(a < b, 1.0 - 0.5 * near, 0.5 * near)
-    by_width = 0.25 * near * near - 0.5 * near
-    return _at_most(a, b, width), weighed(tangents, (by_a, 1.0 - by_a, by_width))
-
-
-_at_most.defjvp(_at_most_jvp, symbolic_zeros=True)
+    return lesser(a, b) - 0.25 * width * near * near, by_a, 0.25 * near * near - 0.5 * near
 
 
 class Triangular(AbstractMembership):
@@ -93,7 +127,10 @@ class Triangular(AbstractMembership):
     right: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        return _flanks(value, (self.left, self.peak), (self.peak, self.right), softness)
+        return self.general().degree(value, softness)
+
+    def general(self) -> "Trapezoidal":
+        return Trapezoidal(self.left, self.peak, self.peak, self.right)
 
 
 class Trapezoidal(AbstractMembership):
@@ -106,7 +143,10 @@ class Trapezoidal(AbstractMembership):
     right: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        return _flanks(value, (self.left, self.top_left), (self.top_right, self.right), softness)
+        return _ramps(value, self.left, self.top_left, self.top_right, self.right, softness)
+
+    def general(self) -> "Trapezoidal":
+        return self
 
 
 class Gaussian(AbstractMembership):
@@ -121,6 +161,9 @@ class Gaussian(AbstractMembership):
         # Beyond 38 widths the degree is 0 in double precision; the square must stay finite for the gradient.
         away = between(away, -40.0, 40.0)
         return decay(0.5 * away * away)
+
+    def general(self) -> "Gaussian":
+        return self
 
 
 class Bell(AbstractMembership):
@@ -137,6 +180,9 @@ class Bell(AbstractMembership):
         # Beyond e^60 the degree is 0 in double precision; its square must stay finite for the gradient.
         return 1.0 / (1.0 + jnp.exp(jnp.clip(2.0 * self.slope * jnp.log(jnp.clip(away, 1e-9, 1e9)), -60.0, 60.0)))
 
+    def general(self) -> "Bell":
+        return self
+
 
 class Sigmoidal(AbstractMembership):
     """`1 / (1 + exp(-slope (value - centre)))`."""
@@ -147,6 +193,40 @@ class Sigmoidal(AbstractMembership):
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
         return 1.0 / (1.0 + jnp.exp(-jnp.clip(self.slope * (value - self.centre), -60.0, 60.0)))
+
+    def general(self) -> "Sigmoidal":
+        return self
+
+
+class Gathered(eqx.Module):
+    """The sets of one variable, for loops in which they do not change.
+
+    Sets of one kind take turns in a loop of their own: their program is compiled once, and so is its gradient's, which
+    adds up a few arrays in place of many numbers.
+    """
+
+    kinds: tuple[AbstractMembership, ...]
+    """Of every kind the sets, each number an array of them."""
+    places: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    """Which sets these are."""
+
+    @classmethod
+    def of(cls, sets: Sequence[AbstractMembership]) -> "Gathered":
+        """From the sets one by one."""
+        found: dict[type[AbstractMembership], list[int]] = {}
+        members = [member.general() for member in sets]
+        for place, member in enumerate(members):
+            found.setdefault(type(member), []).append(place)
+        kinds = [jax.tree.map(lambda *n: jnp.stack(n), *(members[i] for i in places)) for places in found.values()]
+        return cls(tuple(kinds), tuple(map(tuple, found.values())))
+
+    def degrees(self, value: Array, softness: Softness = None) -> list[Array]:
+        """Degree of membership of a value in each set."""
+        found: dict[int, Array] = {}
+        for kind, places in zip(self.kinds, self.places, strict=True):
+            _, rows = jax.lax.scan(lambda _, member: (None, member.degree(value, softness)), None, kind)
+            found |= {place: rows[row] for row, place in enumerate(places)}
+        return [found[place] for place in sorted(found)]
 
 
 MEMBERSHIPS: dict[str, type[AbstractMembership]] = {

@@ -1,5 +1,6 @@
 """Variables with their fuzzy sets, and the rules that connect them."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
@@ -7,8 +8,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._math import on_processor
 from .._types import Scalar
-from .membership import AbstractMembership, as_number
+from .columns import known
+from .membership import AbstractMembership, Gathered, as_number
 from .norms import AbstractNorm, Softness, between
 
 
@@ -31,6 +34,11 @@ class Labelled(Protocol):
     def labels(self) -> tuple[str, ...]: ...
 
 
+def universe(low: Scalar, high: Scalar, points: int) -> Float[Array, " point"]:
+    """Equally spaced points from one end to the other, both included."""
+    return low + (high - low) * jnp.linspace(0.0, 1.0, points)
+
+
 class Variable(eqx.Module):
     """An input or output: its universe and the sets that divide it."""
 
@@ -39,6 +47,8 @@ class Variable(eqx.Module):
     high: Scalar = eqx.field(converter=as_number)
     labels: tuple[str, ...] = eqx.field(static=True)
     sets: tuple[AbstractMembership, ...]
+    gathered: Gathered | None = None
+    """The sets, as a loop has them (`ready`)."""
 
     def __check_init__(self) -> None:
         check_labels(self.name, self.labels, self.sets)
@@ -54,12 +64,20 @@ class Variable(eqx.Module):
 
     def grid(self, points: int) -> Float[Array, " point"]:
         """Equally spaced points of the universe, both ends included."""
-        return self.low + (self.high - self.low) * jnp.linspace(0.0, 1.0, points)
+        return universe(self.low, self.high, points)
 
     def degrees(self, value: Array, softness: Softness = None) -> list[Array]:
         """Degree of membership of a value in each set."""
         inside = self.clip(value)
+        if self.gathered is not None:
+            return self.gathered.degrees(inside, softness)
         return [member.degree(inside, softness) for member in self.sets]
+
+    def ready(self) -> "Variable":
+        """The same variable for use in a loop."""
+        if known(self.sets) or not on_processor():
+            return self
+        return dataclasses.replace(self, gathered=Gathered.of(self.sets))
 
 
 class Clause(eqx.Module):
