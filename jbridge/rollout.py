@@ -60,7 +60,7 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
     Args:
         plant: what moves.
         initial: `x, psi, l` [m, rad, m], their velocities, and for each hidden coordinate its deflection from rest
-            and that deflection's velocity.
+            and that deflection's velocity. A presliding spring's relative deflection may follow (see `start`).
         active: 1 for an axis that moves.
     """
     length = initial[2]
@@ -205,7 +205,9 @@ def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"
     """The first motion, from an initial-state vector (see `initial_motion`) and the states of both drives' lags."""
     q, v = initial_motion(plant, initial, active)
     zero = jnp.zeros_like(q.x)
-    z = None if plant.only(PreslidingFriction) is None else zero
+    z, k = None, 6 + 2 * len(plant.mechanisms)
+    if plant.only(PreslidingFriction) is not None:
+        z = folded(initial[k], jnp.ones_like(zero)) if initial.shape[0] > k else zero
     return Motions(q, v, Axes(lags[0], zero, lags[1]), z)
 
 

@@ -1,6 +1,7 @@
 """How well a model meets recordings: free runs and windows, each from a state estimated over its first half second.
 
-Beside a play it is longer, until the cart has moved enough to tell where in the play the motor was.
+It is longer where what is hidden takes longer to tell: beside a play or a presliding spring until the cart has moved
+enough, and for a second pendulum one of its periods.
 """
 
 import dataclasses

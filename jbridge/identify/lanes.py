@@ -34,6 +34,11 @@ _REST = 0.5
 """Time [s] of rest at a recording's start that leaves no doubt of it; a load hardly swinging may be still for less."""
 _ANYWHERE = 1.0
 """One over the standard deviation [1/m, 1/rad] of an initial place that readings do not tell."""
+_SPREAD = {"motor": (2e-3, 2e-2), "loaded": (2e-3, 2e-2), "phi": (2e-3, 2e-2), "spring": (0.7,)}
+"""Standard deviations of hidden states at a beginning: a deflection from rest [m, rad] and its rate, or what share of
+its most a spring is bent."""
+_HOOK = 0.5
+"""By how much of the load's swing the angle below a hook may differ from the one above it."""
 
 
 class Lanes(eqx.Module):
@@ -140,8 +145,9 @@ def make_batch(
     window: float | None = None,
     size: int = 0,
     overrides: Sequence[Mapping[int, float]] = (),
-    hidden: int = 0,
-    play: float = 0.0,
+    hidden: Sequence[str] = (),
+    slack: float = 0.0,
+    beat: float = 0.0,
     substeps: int | None = None,
     history: float = HISTORY,
     altered: Collection[str] = (),
@@ -156,8 +162,9 @@ def make_batch(
         window: length of a lane [s]; None takes whole recordings.
         size: number of parameters, for per-recording overrides.
         overrides: for each recording, parameter values by place in the parameter vector.
-        hidden: number of hidden coordinates of the plant.
-        play: free play between motor and cart [m]. Where in it the motor stands shows once the cart has moved by more.
+        hidden: names of the plant's hidden states.
+        slack: way [m] after which the cart shows where a motor stood in its play, or how a presliding spring was bent.
+        beat: time [s] after which a load shows how the hook that it hangs on swung.
         substeps: integration steps in each interval; by default from `step`.
         history: time before a lane [s] whose inputs still count.
         altered: axes whose sensors read something else than where a thing is, as far as the model knows.
@@ -192,8 +199,9 @@ def make_batch(
     before = np.full((n, earlier), period)
     y, weight = np.zeros((n, longest + 1, 3)), np.zeros((n, longest + 1, 3))
     at, to = np.zeros((n, size)), np.zeros((n, size))
-    initial, prior = np.zeros((n, 6 + 2 * hidden)), np.zeros((n, 6 + 2 * hidden))
-    told = np.full(n, _TOLD)
+    size_of_state = 6 + sum(len(_SPREAD[name]) for name in hidden)
+    initial, prior = np.zeros((n, size_of_state)), np.zeros((n, size_of_state))
+    told = np.full(n, max(_TOLD, beat))
     scale = np.array([1.0 / sigma[axis] if axis in sigma else 0.0 for axis in AXES])
     for i, (r, a, b) in enumerate(cuts):
         g = grids[r]
@@ -214,13 +222,14 @@ def make_batch(
         for place, name in enumerate(AXES):
             if name in altered and np.isfinite(prior[i, place]):
                 prior[i, place] = _ANYWHERE
-        if play > 0.0:
-            told[i] += _moves(g, a, b, play + _STILL * sigma.get("x", 0.0))
+        if slack > 0.0:
+            told[i] += _moves(g, a, b, slack + _STILL * sigma.get("x", 0.0))
         if not len(known):
             for k, axis in ((0, 0), (1, 2)):
                 if _under_way(g, axis, initial[i, axis + 3]):
                     u[i, :earlier, k] = g.u[0, k]
-        prior[i, 6:] = np.tile([1 / 2e-3, 1 / 2e-2], hidden)
+        if hidden:
+            prior[i, 6:] = 1.0 / np.concatenate([_spread(name, g, a, b) for name in hidden])
     # Lanes without content stand still at the first lane's state.
     spare = n - len(cuts)
     initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
@@ -261,6 +270,16 @@ def _filled(lanes: int) -> int:
     """A number of lanes from a coarse list, for the same reason."""
     unit = 2 if lanes <= 8 else 8
     return lanes if lanes == 1 else -(-lanes // unit) * unit
+
+
+def _spread(name: str, g: Grid, a: int, b: int) -> NDArray[np.float64]:
+    """Standard deviations of a hidden state where a lane begins at sample `a`."""
+    spread = np.array(_SPREAD[name])
+    if name != "phi":
+        return spread
+    near = np.flatnonzero(g.measured[a : b + 1, 1] & (g.times[a : b + 1] <= g.times[a] + _TOLD)) + a
+    # A load that hangs still has a hook that does.
+    return spread * (1.0 + (_HOOK * np.ptp(g.y[near, 1]) / spread[0] if len(near) else 0.0))
 
 
 def _moves(g: Grid, a: int, b: int, far: float) -> float:

@@ -12,8 +12,8 @@ from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
 from ..model.effects.drives import InputDelay
-from ..model.effects.flexible import Backlash
-from ..model.effects.friction import CoulombFriction
+from ..model.effects.flexible import Backlash, DoublePendulum
+from ..model.effects.friction import CoulombFriction, PreslidingFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
@@ -36,6 +36,8 @@ _PART_OF = {
 """The axis that must move for a number of the bridge to matter."""
 _STEP = 0.0051
 """Longest integration step of the rigid bridge [s]."""
+_BENT = 4.0
+"""Way over a presliding spring's own after which how it was bent is forgotten."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
@@ -224,7 +226,6 @@ def lanes_for(
     like: Batch | None = None,
 ) -> Batch:
     """Lanes of recordings for a plant, with steps as its stiffness needs them."""
-    hidden, play = len(plant.mechanisms), plant.only(Backlash)
     return make_batch(
         recordings,
         setting.noise,
@@ -232,13 +233,29 @@ def lanes_for(
         window=window,
         size=table.size,
         overrides=overrides(table, recordings),
-        hidden=hidden,
-        play=0.0 if play is None else float(play.gap),
+        hidden=plant.hidden,
+        slack=_slack(plant),
+        beat=_beat(plant),
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         altered=[axis for axis in AXES if any(effect.site == f"{axis}_sensor" for effect in plant.effects)],
         like=like,
     )
+
+
+def _slack(plant: Plant) -> float:
+    """Way of the cart [m] over which what is hidden between it and its motor, or its rail, makes a difference."""
+    play, sliding = plant.only(Backlash), plant.only(PreslidingFriction)
+    way = 0.0 if play is None else float(play.gap)
+    return way if sliding is None else way + _BENT * float(sliding.level) / float(sliding.stiffness)
+
+
+def _beat(plant: Plant) -> float:
+    """Period of a load that swings below a hook at rest [s]."""
+    pendulum = plant.only(DoublePendulum)
+    if pendulum is None:
+        return 0.0
+    return 2.0 * np.pi * float(np.sqrt(pendulum.link / plant.bridge.gravity))
 
 
 def _memory(plant: Plant) -> float:

@@ -104,6 +104,17 @@ class Plant(eqx.Module):
     def mechanisms(self) -> tuple[AbstractMechanism, ...]:
         return tuple(self.all(AbstractMechanism))
 
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Hidden states that follow those of the axes in an initial-state vector, by name and in order."""
+        found = {
+            "motor": self.drive_train,
+            "loaded": self.only(RopeElasticity),
+            "phi": self.only(DoublePendulum),
+            "spring": self.only(PreslidingFriction),
+        }
+        return tuple(name for name, effect in found.items() if effect is not None)
+
     def drive_forces(self, volts: Axes, q: Motion) -> Axes:
         """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored."""
         del q

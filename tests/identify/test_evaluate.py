@@ -6,8 +6,8 @@ import pytest
 from jbridge.identify.evaluate import evaluate
 from jbridge.identify.setting import make_setting
 from jbridge.model.files import Model
-from tests.identify.cases import play
-from tests.problems import FIXED_CART, NUMBERS, make_plant
+from tests.identify.cases import play, steps
+from tests.problems import CART_ALONE, FIXED_CART, LOCKED_ROPE, NUMBERS, make_plant
 
 OFFSET = 0.055
 
@@ -23,3 +23,23 @@ def test_a_rope_sensor_that_is_off_does_not_pull_the_start_away():
     found = evaluate(plant, setting, setting.recordings, windows=False)
     assert found.predicted[0, 0, 2] == pytest.approx(0.8 + OFFSET, abs=2e-5)
     assert found.errors.free_run["l"] < 1.05 * setting.noise["l"]
+
+
+BENT = ("presliding_friction", "cart", {"level": 3.5, "stiffness": 2e3})
+"""Slides after some 2 mm: where a window begins, the spring is anywhere between its ends."""
+HOOK = ("double_pendulum", "swing", {"hook_mass": 0.05, "link": 0.08, "damping": 2e-5})
+
+
+@pytest.mark.parametrize(
+    ("effect", "active", "volts"), [(BENT, CART_ALONE, 0.6), (HOOK, LOCKED_ROPE, 2.0)], ids=["spring", "hook"]
+)
+def test_windows_begin_with_what_is_hidden_where_it_is(effect, active, volts):
+    """The true model leaves noise in windows as well, each of which begins in the middle of a motion."""
+    plant = make_plant(effect)
+    u = np.stack([steps(800, 3, hold=25, volts=volts), np.zeros(800)], axis=1)
+    run = play(plant, u, active=active, start={"x": 0.6}, seed=2)
+    setting = make_setting(Model(plant, frozenset(NUMBERS), frozenset(NUMBERS), {}, "model.toml"), [run], ())
+    found = evaluate(plant, setting, setting.recordings).errors
+    for axis in found.free_run:
+        assert found.free_run[axis] < 1.1 * setting.noise[axis]
+        assert found.window[axis] < 1.2 * setting.noise[axis]

@@ -55,7 +55,7 @@ def two_runs(plant):
 def test_tangents_against_central_differences(plant, tolerance):
     engine = Engine(plant)
     vector = np.array(engine.table.ravel(plant))
-    batch = make_batch(two_runs(plant), NOISE, size=engine.table.size, hidden=len(plant.mechanisms))
+    batch = make_batch(two_runs(plant), NOISE, size=engine.table.size, hidden=plant.hidden)
     free = np.flatnonzero(engine.table.fitted())
     columns = len(free)
 
