@@ -14,10 +14,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._math import materialise
 from .._types import Scalar
 from .columns import Column, area_and_moment, nothing
 from .defuzzify import AbstractDefuzzifier, Centroid
-from .norms import AbstractNorm, Softness, weighed
+from .norms import AbstractNorm, Softness
 
 
 class AbstractConclusions(eqx.Module):
@@ -47,18 +48,28 @@ class Gridded(AbstractConclusions):
         return self.defuzzifier(self.grid, self.aggregation.all(parts), softness)
 
 
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _part(implication: AbstractNorm, numbers: tuple[Array, ...], weight: Array, degree: Array, slopes: Array) -> Array:
+    """What a set contributes at a point: its degree there, and how that depends on the set's numbers, are known."""
+    return implication.of_numbers(degree, weight)
+
+
+@_part.defjvp
+def _part_jvp(implication: AbstractNorm, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    _, weight, degree, slopes = primals
+    rise = sum((slopes[place] * tangent for place, tangent in enumerate(tangents[0])), jnp.zeros_like(degree))
+    return jax.jvp(implication.of_numbers, (degree, weight), (rise, tangents[1]))
+
+
 @jax.custom_jvp
-def _degree(numbers: tuple[Array, ...], degree: Array, slopes: Array) -> Array:
-    """A degree that is known, of a set whose numbers it depends on."""
-    return degree
+def _apart(degrees: list[Array], go: Array) -> list[Array]:
+    """The same degrees, whose cotangents the compiler computes once and not anew for every number that they reach."""
+    return degrees
 
 
-def _degree_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
-    _, degree, slopes = primals
-    return degree, weighed(tangents[0], [slopes[place] for place in range(len(tangents[0]))])
-
-
-_degree.defjvp(_degree_jvp, symbolic_zeros=True)
+@_apart.defjvp
+def _apart_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[list[Array], list[Array]]:
+    return primals[0], materialise(tangents[0], primals[1])
 
 
 class Swept(AbstractConclusions):
@@ -102,14 +113,16 @@ class Swept(AbstractConclusions):
 
     def value(self, weights: Sequence[Array], softness: Softness) -> Scalar:
         points = len(self.degrees[0])
-        each = [jnp.squeeze(number, 0) for number in jnp.split(self.numbers, len(self.numbers))]
+        # Every rollout's own, so that cotangents are added up over a batch once, and not at every point.
+        own = self.numbers + nothing(weights)
+        each = [jnp.squeeze(number, 0) for number in jnp.split(own, len(own))]
         numbers = [tuple(each[place] for place in places) for places in self.places]
         levers = jnp.linspace(-0.5, 0.5, points, dtype=weights[0].dtype)
 
         def add(sums: tuple[Array, Array], point: Any) -> tuple[tuple[Array, Array], None]:
             degrees, slopes, lever = point
-            own = map(_degree, numbers, degrees, slopes)
-            parts = [self.implication.of_numbers(degree, w) for degree, w in zip(own, weights, strict=True)]
+            parts = list(map(functools.partial(_part, self.implication), numbers, weights, degrees, slopes))
+            parts = _apart(parts, lever < 1.0)
             total = functools.reduce(self.aggregation.of_numbers, parts)
             return (sums[0] + total, sums[1] + total * lever), None
 
