@@ -111,10 +111,23 @@ inline void accelerate(const Plant<T> &b, const State<T> &s, const Block<T> &ux,
 
 template <typename T> inline T dead(T u, T zone) { return u - std::min(std::max(u, -zone), zone); }
 
-// One period with held voltages: `substeps` classical Runge-Kutta steps, the lag in closed form.
+// How much of a lag's distance to its target the first, the middle and the last stages of a step have, so that velocity
+// and position move as the lag in closed form moves them; and how much is left after the step.
+template <typename T> struct Lag {
+    Block<T> first, middle, last, after;
+
+    void set(int i, double h, double constant) {
+        const double ratio = h / std::max(constant, 1e-9), mean = -std::expm1(-ratio) / ratio;
+        const double early = ratio < 0.02 ? 1 - ratio / 3 + ratio * ratio / 12 : 2 * (1 - mean) / ratio;
+        const double gap = std::min(early - mean, mean / 3);
+        first[i] = T(mean + 3 * gap), middle[i] = T(mean), last[i] = T(mean - 3 * gap), after[i] = T(std::exp(-ratio));
+    }
+};
+
+// One period with held voltages: `substeps` classical Runge-Kutta steps.
 template <typename T>
 void period(const Plant<T> &b, State<T> &s, const Block<T> &volts_x, const Block<T> &volts_l, int substeps, T h,
-            const Block<T> &half, const Block<T> &whole) {
+            const Lag<T> &lag) {
     Block<T> ux, target, ul, ax, ap, al;
     LANES {
         ux[i] = dead(volts_x[i], b.dead_x[i]);
@@ -125,7 +138,7 @@ void period(const Plant<T> &b, State<T> &s, const Block<T> &volts_x, const Block
         Block<T> sx{}, sp{}, sl{}, svx{}, svp{}, svl{};
         for (int k = 0; k < 4; ++k) {
             LANES {
-                T left = k == 0 ? T(1) : k == 3 ? whole[i] : half[i];
+                T left = k == 0 ? lag.first[i] : k == 3 ? lag.last[i] : lag.middle[i];
                 ul[i] = b.lag[i] > T(0) ? target[i] + (s.lag[i] - target[i]) * left : target[i];
             }
             accelerate(b, stage, ux, ul, first, h, ax, ap, al);
@@ -144,7 +157,7 @@ void period(const Plant<T> &b, State<T> &s, const Block<T> &volts_x, const Block
         LANES {
             s.x[i] += sx[i], s.p[i] += sp[i], s.l[i] += sl[i];
             s.vx[i] += svx[i], s.vp[i] += svp[i], s.vl[i] += svl[i];
-            s.lag[i] = target[i] + (s.lag[i] - target[i]) * whole[i];
+            s.lag[i] = target[i] + (s.lag[i] - target[i]) * lag.after[i];
         }
     }
 }
@@ -228,7 +241,7 @@ template <typename T> int run(bool closed, int lanes, int periods, int substeps,
     const T h = T(dt / substeps);
     std::vector<Plant<T>> plants(blocks);
     std::vector<State<T>> starts(blocks), states(blocks);
-    std::vector<Block<T>> halves(blocks), wholes(blocks);
+    std::vector<Lag<T>> lags(blocks);
     for (int n = 0; n < blocks; ++n)
         for (int i = 0; i < W; ++i) {
             const double *p = &own[size_t(std::min(n * W + i, lanes - 1)) * (PARAMETERS + 3)];
@@ -236,8 +249,7 @@ template <typename T> int run(bool closed, int lanes, int periods, int substeps,
             for (int k = 0; k < PARAMETERS; ++k) fields[k * W + i] = T(p[k]);
             std::memset(static_cast<void *>(&starts[n]), 0, i == 0 ? sizeof(State<T>) : 0);
             starts[n].x[i] = T(p[PARAMETERS]), starts[n].p[i] = T(p[PARAMETERS + 1]), starts[n].l[i] = T(p[PARAMETERS + 2]);
-            double lag = std::max(p[13], 1e-9);
-            halves[n][i] = T(std::exp(-0.5 * dt / substeps / lag)), wholes[n][i] = T(std::exp(-dt / substeps / lag));
+            lags[n].set(i, dt / substeps, p[13]);
         }
     const Base<T> cart = make<T>(0.004, 0.08, 3.0, true), hoist = make<T>(0.004, 0.05, 10.0, false);
     double best = 1e300;
@@ -260,7 +272,7 @@ template <typename T> int run(bool closed, int lanes, int periods, int substeps,
                     infer(hoist, el, angle, ul);
                 } else
                     LANES ux[i] = first, ul[i] = second;
-                period(b, s, ux, ul, substeps, h, halves[n], wholes[n]);
+                period(b, s, ux, ul, substeps, h, lags[n]);
             }
             states[n] = s;
         }
