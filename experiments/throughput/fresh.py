@@ -31,9 +31,13 @@ TURNS = 10
 """How often each program of a gradient runs; the fastest counts."""
 
 
+_GIVEN = dict(os.environ)
+"""Without the compiler's options that `set_up` hands to children."""
+
+
 def ask(*words: str) -> dict[str, float]:
     """The answer of a process of its own."""
-    found = subprocess.run([sys.executable, __file__, *words], check=True, capture_output=True, text=True)
+    found = subprocess.run([sys.executable, __file__, *words], check=True, capture_output=True, text=True, env=_GIVEN)
     return json.loads(found.stdout.splitlines()[-1])
 
 
