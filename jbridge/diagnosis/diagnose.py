@@ -13,6 +13,7 @@ from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..recordings import Recording
 from .adequacy import FORESEEN, LARGE, LEARNABLE, NOTICEABLE, PROVEN, SIGNIFICANT, STILL_LEARNABLE, channels
+from .aside import since, stands_out
 from .attempt import Attempt, attempt
 from .contend import contenders, continued, nearest
 from .design import next_experiment
@@ -27,7 +28,7 @@ from .rounds import MOST_EFFECTS
 from .search import PARTS
 from .tell import location_of, named_of, parameters_of, trials_of
 from .trials import EFFECTIVE
-from .words import verdict_sentence
+from .words import aside_sentence, verdict_sentence
 
 
 @one_thread_each
@@ -95,6 +96,13 @@ class _Plan:
     """Whether a recording of the hold-out may be learned from, if others show the same."""
     surprised: str | None = None
     """The channel for which one was."""
+    aside: Recording | None = None
+    """A recording that is left out, since it is met far worse than all others."""
+
+    def setting_aside(self, index: int) -> "_Plan":
+        """The same without one of the recordings."""
+        rest = self.recordings[:index] + self.recordings[index + 1 :]
+        return dataclasses.replace(self, recordings=rest, aside=self.recordings[index], spare=False)
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
@@ -129,7 +137,33 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
     if settled.unprepared is not None and plan.spare and len(settled.unprepared.recordings) > 1:
         tell("learning from a recording of the hold-out, too")
         return plan.taking_in(settled.unprepared.recordings[0], settled.unprepared.channel)
-    return _told(plan, made, settled, judge(made, settled, setting, plan.surprised), setting, tell)
+    judged = judge(made, settled, setting, plan.surprised)
+    if judged.verdict == "unknown" and plan.aside is None:
+        odd = stands_out(settled.last.train)
+        if odd is not None:
+            tell("asking all recordings but one, which is met far worse")
+            others = _without_what_happened_once(plan.setting_aside(odd), setting, progress)
+            if others is not None:
+                return others
+    return _told(plan, made, settled, judged, setting, tell)
+
+
+def _without_what_happened_once(
+    plan: _Plan, setting: Setting, progress: Callable[[str], None] | None
+) -> Diagnosis | None:
+    """What the other recordings say, if the hold-out bears it out and so does the odd one, until something happens."""
+    found, odd = _diagnose(plan, progress), plan.aside
+    if isinstance(found, _Plan) or found.verdict != "missing_physics" or odd is None:
+        return None
+    happened = since(found.model.plant, setting, odd)
+    if happened is None:
+        return None
+    when, channel, ratio = happened
+    told = aside_sentence(odd.name, when.start, channel, ratio)
+    location = dataclasses.replace(found.location, when=(*found.location.when, when))
+    return dataclasses.replace(
+        found, statement=f"{found.statement} {told}", location=location, notes=(*found.notes, told)
+    )
 
 
 def _told(

@@ -159,6 +159,15 @@ def _once_sentence(once: Once, ratio: float, worst: str) -> str:
     )
 
 
+def aside_sentence(name: str, start: float, channel: str, ratio: float) -> str:
+    """What is told of a recording that was set aside."""
+    return (
+        f"{name} was set aside: the model meets it as well as the others until {start:.2f} s, and then leaves "
+        f"{_times(ratio)} times the noise in the {_CHANNEL_WORDS[channel]}. Something happened there once: a reading "
+        "that jumped, say, or a push."
+    )
+
+
 def verdict_sentence(
     verdict: str,
     effects: Sequence[NamedEffect],

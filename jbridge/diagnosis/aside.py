@@ -1,0 +1,68 @@
+"""A recording set aside: what happened in it once would be learned as if it were a law, and spoil what is one.
+
+A reading that jumps, a push or a stuck wheel in one of several recordings draws the numbers of a fit away from all the
+others. Where no explanation holds and one recording is met far worse than any other, the others are asked alone. They
+have the word only if what they say holds on the hold-out, and meets the odd recording, too, until something happens.
+"""
+
+import numpy as np
+
+from .._types import AXES
+from ..identify.evaluate import Run, evaluate
+from ..identify.setting import Setting
+from ..model.plant import Plant
+from ..recordings import Recording
+from .adequacy import LARGE, ratios
+from .result import Interval
+
+_FEWEST = 4
+"""Recordings below which none can be spared."""
+_STANDS_OUT = 2.0
+"""Error of the worst recording over that of the next one: the others pay for it, so this is less than it will be."""
+_AWAY = 5.0
+"""Error over noise at which a simulation has left a recording,"""
+_CLEARLY = 3.0
+"""and that of all that follows, if something happened."""
+_UNDISTURBED = 1.0
+"""Shortest time [s] before that: a law of physics would show from the start."""
+
+
+def stands_out(run: Run) -> int | None:
+    """The place of a recording that is met far worse than all others, if they are enough without it.
+
+    Args:
+        run: free runs over the recordings.
+    """
+    worst = ratios(run).max(axis=1)
+    if len(worst) < _FEWEST:
+        return None
+    second, first = np.argsort(worst, kind="stable")[-2:]
+    odd = worst[first] > LARGE and worst[first] >= _STANDS_OUT * worst[second]
+    return int(first) if odd else None
+
+
+def since(plant: Plant, setting: Setting, recording: Recording) -> tuple[Interval, str, float] | None:
+    """When something happened in a recording that a model met until then, in which channel, and how far off that led.
+
+    Args:
+        plant: the model, from the other recordings.
+        setting: noise and units.
+        recording: the odd one.
+    """
+    run = evaluate(plant, setting, [recording], windows=False)
+    grid, weight = run.batch.grids[0], np.asarray(run.batch.lanes.weight)[0, : run.batch.grids[0].intervals + 1]
+    off = (run.predicted[0, : len(weight)] - np.asarray(run.batch.lanes.y)[0, : len(weight)]) * weight
+    rows, channels = np.nonzero(~(np.abs(off) <= _AWAY) & (weight > 0))
+    if not len(rows):
+        return None
+    row, channel = int(rows[0]), int(channels[0])
+    begun = float(grid.times[row])
+    parts = [_ratio(part, weight[rows]) for part, rows in ((off[:row], slice(0, row)), (off[row:], slice(row, None)))]
+    if begun < _UNDISTURBED or parts[0].max() > LARGE or not parts[1].max() >= _CLEARLY:
+        return None
+    return Interval(recording.name, begun, float(grid.times[-1])), AXES[channel], float(parts[1].max())
+
+
+def _ratio(off: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    number = np.maximum(np.count_nonzero(weight, axis=0), 1)
+    return np.sqrt(np.nan_to_num(np.sum(off**2, axis=0) / number, nan=np.inf))
