@@ -66,16 +66,20 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     if made.given is not None and curve is None:
         first, last = made.given, made.completed or made.given
     else:
-        changed = bool(steps) or curve is not None
         tell("fitting once more, with finer steps, and opening the hold-out")
-        if curve is not None:
-            last = freeze(last_fit(curve), setting, made.base)
-        elif made.completed is not None:
-            last = made.completed
+        plain = LastFit.of(made.base)
+        curved = None if curve is None else freeze(last_fit(curve), setting, made.base)
+        if made.completed is not None:
+            named = made.completed
+        elif curved is None:
+            named = freeze(fit_finely(last_fit(state) if steps else plain), setting, made.base)
         else:
-            last = freeze(fit_finely(last_fit(state) if steps else LastFit.of(made.base)), setting, made.base)
+            named = freeze(last_fit(state) if steps else plain, setting, made.base)
+        if curved is not None and _worst(curved, made, setting) > _worst(named, made, setting):
+            curve = curved = None  # it makes no simulation usable
+        last = curved or named
         # Of two, only the completed one leaves so little that finer steps show.
-        first = freeze(LastFit.of(made.base), setting, made.base) if changed else last
+        first = freeze(plain, setting, made.base) if steps or curved else last
     values, hardly_told = numbers(last.fit, setting)
     if curve is not None and curve is not made.explained.curve:
         # What has a name keeps the numbers that it had before the curve.
@@ -85,6 +89,12 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
     judged = curve is None and made.search.window is None
     unprepared = surprise(last.fit, last.holdout) if judged else None
     return Settled(first, last, curve or state, curve is not None, values, hardly_told, unprepared)
+
+
+def _worst(frozen: Frozen, made: Attempt, setting: Setting) -> float:
+    """How badly a model meets the hold-out, over the noise."""
+    errors = frozen.holdout.errors
+    return worst_ratio(errors.free_run if made.search.window is None else errors.window, setting.noise)
 
 
 def judge(made: Attempt, settled: Settled, setting: Setting, surprised: str | None) -> Judgement:
