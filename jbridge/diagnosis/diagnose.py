@@ -161,9 +161,7 @@ def _without_what_happened_once(
     when, channel, ratio = happened
     told = aside_sentence(odd.name, when.start, channel, ratio)
     location = dataclasses.replace(found.location, when=(*found.location.when, when))
-    return dataclasses.replace(
-        found, statement=f"{found.statement} {told}", location=location, notes=(*found.notes, told)
-    )
+    return dataclasses.replace(found, statement=f"{found.statement} {told}", location=location)
 
 
 def _told(
