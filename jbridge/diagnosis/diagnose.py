@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 
 from .._threads import one_thread_each
+from ..errors import InputError
 from ..identify.base import WINDOW
 from ..identify.evaluate import traces
 from ..identify.setting import Setting, make_setting, with_a_scale
@@ -138,7 +139,8 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         tell("learning from a recording of the hold-out, too")
         return plan.taking_in(settled.unprepared.recordings[0], settled.unprepared.channel)
     judged = judge(made, settled, setting, plan.surprised)
-    if judged.verdict == "unknown" and plan.aside is None:
+    # Of rigs that drift, whole recordings are met by luck.
+    if judged.verdict == "unknown" and plan.aside is None and made.search.window is None:
         odd = stands_out(settled.last.train)
         if odd is not None:
             tell("asking all recordings but one, which is met far worse")
@@ -152,7 +154,11 @@ def _without_what_happened_once(
     plan: _Plan, setting: Setting, progress: Callable[[str], None] | None
 ) -> Diagnosis | None:
     """What the other recordings say, if the hold-out bears it out and so does the odd one, until something happens."""
-    found, odd = _diagnose(plan, progress), plan.aside
+    odd = plan.aside
+    try:
+        found = _diagnose(plan, progress)
+    except InputError:  # a motor that runs in the odd one alone, say
+        return None
     if isinstance(found, _Plan) or found.verdict != "missing_physics" or odd is None:
         return None
     happened = since(found.model.plant, setting, odd)
