@@ -24,7 +24,7 @@ _AWAY = 5.0
 _CLEARLY = 3.0
 """and that of all that follows, if something happened."""
 _UNDISTURBED = 1.0
-"""Shortest time [s] before that: a law of physics would show from the start."""
+"""Shortest time [s] before that: most laws of physics would show from the start."""
 
 
 def stands_out(run: Run) -> int | None:
@@ -37,12 +37,13 @@ def stands_out(run: Run) -> int | None:
     if len(worst) < _FEWEST:
         return None
     second, first = np.argsort(worst, kind="stable")[-2:]
-    odd = worst[first] > LARGE and worst[first] >= _STANDS_OUT * worst[second]
+    # Of two that run away neither is the odd one.
+    odd = np.isfinite(worst[second]) and worst[first] > LARGE and worst[first] >= _STANDS_OUT * worst[second]
     return int(first) if odd else None
 
 
 def since(plant: Plant, setting: Setting, recording: Recording) -> tuple[Interval, str, float] | None:
-    """When something happened in a recording that a model met until then, in which channel, and how far off that led.
+    """When something happened in a recording that a model met until then, and where and how far off that led most.
 
     Args:
         plant: the model, from the other recordings.
@@ -52,17 +53,18 @@ def since(plant: Plant, setting: Setting, recording: Recording) -> tuple[Interva
     run = evaluate(plant, setting, [recording], windows=False)
     grid, weight = run.batch.grids[0], np.asarray(run.batch.lanes.weight)[0, : run.batch.grids[0].intervals + 1]
     off = (run.predicted[0, : len(weight)] - np.asarray(run.batch.lanes.y)[0, : len(weight)]) * weight
-    rows, channels = np.nonzero(~(np.abs(off) <= _AWAY) & (weight > 0))
+    rows = np.flatnonzero((~(np.abs(off) <= _AWAY) & (weight > 0)).any(axis=1))
     if not len(rows):
         return None
-    row, channel = int(rows[0]), int(channels[0])
+    row = int(rows[0])
     begun = float(grid.times[row])
-    parts = [_ratio(part, weight[rows]) for part, rows in ((off[:row], slice(0, row)), (off[row:], slice(row, None)))]
-    if begun < _UNDISTURBED or parts[0].max() > LARGE or not parts[1].max() >= _CLEARLY:
+    before, after = _ratio(off[:row], weight[:row]), _ratio(off[row:], weight[row:])
+    channel = int(np.argmax(after))
+    if begun < _UNDISTURBED or before.max() > LARGE or not after[channel] >= _CLEARLY:
         return None
-    return Interval(recording.name, begun, float(grid.times[-1])), AXES[channel], float(parts[1].max())
+    return Interval(recording.name, begun, float(grid.times[-1])), AXES[channel], float(after[channel])
 
 
 def _ratio(off: np.ndarray, weight: np.ndarray) -> np.ndarray:
     number = np.maximum(np.count_nonzero(weight, axis=0), 1)
-    return np.sqrt(np.nan_to_num(np.sum(off**2, axis=0) / number, nan=np.inf))
+    return np.sqrt(np.nan_to_num(np.sum(off**2, axis=0) / number, nan=np.inf, posinf=np.inf))

@@ -102,8 +102,10 @@ class _Plan:
 
     def setting_aside(self, index: int) -> "_Plan":
         """The same without one of the recordings."""
-        rest = self.recordings[:index] + self.recordings[index + 1 :]
-        return dataclasses.replace(self, recordings=rest, aside=self.recordings[index], spare=False)
+        odd = self.recordings[index]
+        rest = tuple(recording for recording in self.recordings if recording is not odd)
+        new = tuple(recording for recording in self.new if recording is not odd)
+        return dataclasses.replace(self, recordings=rest, new=new, aside=odd, spare=False)
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""

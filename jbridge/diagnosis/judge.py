@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from math import nan
+from math import isfinite, nan
 
 from ..identify.base import WINDOW
 from ..identify.finer import LastFit, fit_finely
@@ -75,11 +75,13 @@ def settle(made: Attempt, setting: Setting, tell: Callable[[str], None]) -> Sett
             named = freeze(fit_finely(last_fit(state) if steps else plain), setting, made.base)
         else:
             named = freeze(last_fit(state) if steps else plain, setting, made.base)
-        if curved is not None and _worst(curved, made, setting) > _worst(named, made, setting):
-            curve = curved = None  # it makes no simulation usable
+        if curved is not None:
+            left = _worst(curved, made, setting)
+            if not isfinite(left) or left > _worst(named, made, setting):
+                curve = curved = None  # it makes no simulation usable
         last = curved or named
         # Of two, only the completed one leaves so little that finer steps show.
-        first = freeze(plain, setting, made.base) if steps or curved else last
+        first = freeze(plain, setting, made.base) if steps or made.completed is not None else named
     values, hardly_told = numbers(last.fit, setting)
     if curve is not None and curve is not made.explained.curve:
         # What has a name keeps the numbers that it had before the curve.

@@ -163,8 +163,8 @@ def aside_sentence(name: str, start: float, channel: str, ratio: float) -> str:
     """What is told of a recording that was set aside."""
     return (
         f"{name} was set aside: the model meets it as well as the others until {start:.2f} s, and then leaves "
-        f"{_times(ratio)} times the noise in the {_CHANNEL_WORDS[channel]}. Something happened there once: a reading "
-        "that jumped, say, or a push."
+        f"{_times(ratio)} times the noise in the {_CHANNEL_WORDS[channel]}. Something seems to have happened there "
+        "once: a reading that jumped, say, or a push. If no other recording goes where it went, record one that does."
     )
 
 

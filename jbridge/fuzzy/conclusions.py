@@ -77,6 +77,8 @@ class Swept(AbstractConclusions):
 
     Neither the batch's degrees over the grid nor their gradients are ever written to memory: how a degree depends on
     its set's numbers is known beforehand, too, so that a gradient adds up a few numbers a set, and no point.
+
+    For first derivatives: that a degree's slope changes with the set's numbers is left out of second ones.
     """
 
     numbers: Float[Array, " number"]
@@ -117,7 +119,7 @@ class Swept(AbstractConclusions):
         own = self.numbers + nothing(weights)
         each = [jnp.squeeze(number, 0) for number in jnp.split(own, len(own))]
         numbers = [tuple(each[place] for place in places) for places in self.places]
-        levers = jnp.linspace(-0.5, 0.5, points, dtype=weights[0].dtype)
+        levers = jnp.linspace(-0.5, 0.5, points, dtype=own.dtype)
 
         def add(sums: tuple[Array, Array], point: Any) -> tuple[tuple[Array, Array], None]:
             degrees, slopes, lever = point
@@ -126,7 +128,9 @@ class Swept(AbstractConclusions):
             total = functools.reduce(self.aggregation.of_numbers, parts)
             return (sums[0] + total, sums[1] + total * lever), None
 
-        begin = nothing(weights), nothing(weights)
+        # Neither is a set's number that is none.
+        zero = nothing(weights) + 0.0 * jnp.sum(self.numbers)
+        begin = zero, zero
         along = (self.degrees, self.slopes, levers)
         (area, moment), _ = jax.lax.scan(jax.checkpoint(add, prevent_cse=False), begin, along)
         middle = 0.5 * (self.low + self.high)

@@ -15,6 +15,7 @@ from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings
     [
         ([2.7, 4.3, 9.3, 2.1, 1.9], 2),
         ([1.0, 1.0, 1.0, np.inf], 3),
+        ([1.0, 1.0, np.inf, np.inf], None),
         # Wandering friction, a law that shows in half of them, and too few to spare one.
         ([1.4, 2.9, 2.0, 1.0], None),
         ([9.0, 30.0, 17.0, 1.0, 1.2], None),

@@ -1,4 +1,4 @@
-"""Sets put together point after point against the plain grid, which is autodiff's all the way."""
+"""Sets put together point after point against the plain grid, with autodiff from the sets' degrees on."""
 
 import jax
 import jax.numpy as jnp
@@ -86,3 +86,8 @@ def test_for_numbers_the_short_form_is_the_hard_one(norm):
     a, b = np.random.default_rng(0).uniform(size=(2, 50))
     b[:5] = a[:5]
     np.testing.assert_array_equal(norm.of_numbers(jnp.asarray(a), jnp.asarray(b)), norm(jnp.asarray(a), jnp.asarray(b)))
+
+
+@pytest.mark.parametrize("place", range(15))
+def test_a_set_whose_number_is_none_is_not_lost(place):
+    assert np.isnan(swept(ROW.at[place].set(np.nan), WEIGHTS, NORMS[0], None))
