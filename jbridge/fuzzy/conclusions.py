@@ -6,7 +6,7 @@ has the degrees over the grid, or no more than their sums, as numbers: for gradi
 
 import abc
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -18,7 +18,15 @@ from .._math import materialise
 from .._types import Scalar
 from .columns import Column, area_and_moment, nothing
 from .defuzzify import AbstractDefuzzifier, Centroid
+from .membership import AbstractMembership, Unit
 from .norms import AbstractNorm, Softness
+from .rules import universe
+
+
+def concluded(member: AbstractMembership, negated: bool, values: Array) -> Array:
+    """Degrees of `is`, or of `is not`."""
+    degree = member.degree(values)
+    return 1.0 - degree if negated else degree
 
 
 class AbstractConclusions(eqx.Module):
@@ -56,6 +64,7 @@ def _part(implication: AbstractNorm, numbers: tuple[Array, ...], weight: Array, 
 
 @_part.defjvp
 def _part_jvp(implication: AbstractNorm, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    """In first derivatives the slopes take the degree's place; in second ones both tell how they change themselves."""
     _, weight, degree, slopes = primals
     rise = sum((slopes[place] * tangent for place, tangent in enumerate(tangents[0])), jnp.zeros_like(degree))
     return jax.jvp(implication.of_numbers, (degree, weight), (rise, tangents[1]))
@@ -76,15 +85,14 @@ class Swept(AbstractConclusions):
     """Sets put together one point after the other, all rollouts of a batch abreast; for the centroid.
 
     Neither the batch's degrees over the grid nor their gradients are ever written to memory: how a degree depends on
-    its set's numbers is known beforehand, too, so that a gradient adds up a few numbers a set, and no point.
-
-    For first derivatives: that a degree's slope changes with the set's numbers is left out of second ones.
+    its set's numbers is known beforehand, too, so that a gradient adds up a few numbers a set, and no point. In units
+    of the universe degrees do not depend on its ends.
     """
 
     numbers: Float[Array, " number"]
-    """What the degrees depend on: the sets' own numbers, and the ends of the universe."""
+    """The sets' own, where the universe reaches from -1/2 to 1/2."""
     places: tuple[tuple[int, ...], ...] = eqx.field(static=True)
-    """Which of them each set's degrees depend on."""
+    """Which of them each set has."""
     degrees: tuple[Float[Array, " point"], ...]
     slopes: tuple[Float[Array, "point _"], ...]
     """Derivatives of each set's degrees by its numbers."""
@@ -96,22 +104,31 @@ class Swept(AbstractConclusions):
     @classmethod
     def of(
         cls,
-        shapes: Sequence[tuple[Callable[..., Array], tuple[Scalar, ...]]],
-        universe: tuple[Scalar, Scalar],
+        sets: Sequence[tuple[AbstractMembership, bool]],
+        low: Scalar,
+        high: Scalar,
+        points: int,
         implication: AbstractNorm,
         aggregation: AbstractNorm,
     ) -> "Swept":
-        """From functions that give a set's degrees over the grid, and the numbers that each of them takes."""
+        """From sets, each with whether it is negated, and the ends of their universe."""
         # One array, since a loop's gradient is added up leaf by leaf. What several sets share is one number.
-        shared = {id(number): number for _, numbers in shapes for number in numbers}
-        order = {key: place for place, key in enumerate(shared)}
-        places = tuple(tuple(order[id(number)] for number in numbers) for _, numbers in shapes)
-        numbers = jnp.stack(list(shared.values()))
-        still = jax.lax.stop_gradient(numbers)
-        sets = [(shape, still[jnp.asarray(own)]) for (shape, _), own in zip(shapes, places, strict=True)]
-        degrees = tuple(shape(own) for shape, own in sets)
-        slopes = tuple(jax.jacfwd(shape)(own) for shape, own in sets)
-        return cls(numbers, places, degrees, slopes, *universe, implication, aggregation)
+        shared: dict[tuple[int, Unit], tuple[int, Array]] = {}
+        places = []
+        for member, _ in sets:
+            own = zip(member.parameters(), member.units(), member.within(low, high), strict=True)
+            places.append(tuple(shared.setdefault((id(p), unit), (len(shared), n))[0] for p, unit, n in own))
+        numbers = jnp.stack([number for _, number in shared.values()])
+        grid, span = universe(low, high, points), high - low
+        degrees, slopes = [], []
+        for member, negated in sets:
+            shape = functools.partial(concluded, negated=negated, values=grid)
+            degrees.append(shape(member))
+            # By the numbers in the variable's unit, lest a point on a corner come to lie beside it.
+            by = jax.jacfwd(shape)(member)
+            each = zip(by.parameters(), member.units(), strict=True)
+            slopes.append(jnp.stack([slope * span**unit.power for slope, unit in each], axis=1))
+        return cls(numbers, tuple(places), tuple(degrees), tuple(slopes), low, high, implication, aggregation)
 
     def value(self, weights: Sequence[Array], softness: Softness) -> Scalar:
         points = len(self.degrees[0])

@@ -10,21 +10,19 @@ corners average out, and rounding them would cost more than all the rest. In eit
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._math import on_processor
-from .._types import Scalar
 from .columns import columns, evaluate, known
-from .conclusions import AbstractConclusions, Columned, Gridded, Swept, Weighed
+from .conclusions import AbstractConclusions, Columned, Gridded, Swept, Weighed, concluded
 from .defuzzify import AbstractDefuzzifier, Centroid
 from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
-from .rules import Clause, Labelled, Rule, Variable, universe
+from .rules import Clause, Labelled, Rule, Variable
 
 POINTS = 101
 """Points of the grid on which sets are put together, MATLAB's default."""
@@ -153,8 +151,8 @@ class Mamdani(AbstractSystem):
             middle = float(0.5 * (grid[0] + grid[-1]))
             return Columned(tuple(found), middle, self.points, self.implication, self.aggregation)
         if traced and centroid and on_processor():  # elsewhere many points at a time cost no more
-            degrees = [_degrees(variable, clause, self.points) for clause in clauses]
-            return Swept.of(degrees, (variable.low, variable.high), self.implication, self.aggregation)
+            sets = [(variable.sets[clause.label], clause.negated) for clause in clauses]
+            return Swept.of(sets, variable.low, variable.high, self.points, self.implication, self.aggregation)
         shapes, grid = tuple(jnp.asarray(shape) for shape in shapes), jnp.asarray(grid)
         return Gridded(shapes, grid, self.implication, self.aggregation, self.defuzzifier)
 
@@ -189,19 +187,5 @@ class Prepared(AbstractSystem):
 
 def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:
     """Degrees of some conclusions over the output's grid, and the grid."""
-    degrees = (_degrees(variable, clause, points) for clause in clauses)
-    return [shape(numbers) for shape, numbers in degrees], variable.grid(points)
-
-
-def _degrees(
-    variable: Variable, clause: Clause, points: int
-) -> tuple[Callable[..., Float[Array, " point"]], tuple[Scalar, ...]]:
-    """A conclusion's degrees over the output's grid, as a function of numbers, and these."""
-    numbers, treedef = jax.tree.flatten((variable.sets[clause.label], variable.low, variable.high))
-
-    def shape(numbers: Sequence[Scalar] | Float[Array, " number"]) -> Float[Array, " point"]:
-        member, low, high = jax.tree.unflatten(treedef, list(numbers))
-        degree = member.degree(universe(low, high, points))
-        return 1.0 - degree if clause.negated else degree
-
-    return shape, tuple(numbers)
+    grid = variable.grid(points)
+    return [concluded(variable.sets[clause.label], clause.negated, grid) for clause in clauses], grid

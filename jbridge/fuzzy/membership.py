@@ -5,8 +5,9 @@ ascending order; equal corners make a vertical flank, which has the value of its
 """
 
 import abc
+import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,8 +26,20 @@ def as_number(value: Any) -> Array:
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
-def _parameter() -> Any:
-    return eqx.field(converter=as_number)
+class Unit(NamedTuple):
+    """What a set's parameter is measured in."""
+
+    power: int
+    """Of the variable's unit."""
+    counted: bool = False
+    """Whether it is counted from somewhere: a place, not a width."""
+
+
+_PLACE, _WIDTH, _NUMBER, _RATE = Unit(1, counted=True), Unit(1), Unit(0), Unit(-1)
+
+
+def _parameter(unit: Unit = _PLACE) -> Any:
+    return eqx.field(converter=as_number, metadata={"unit": unit})
 
 
 class AbstractMembership(eqx.Module):
@@ -47,6 +60,20 @@ class AbstractMembership(eqx.Module):
     @abc.abstractmethod
     def general(self) -> "AbstractMembership":
         """The same set as one of a kind that holds this kind's, so that sets of both are computed alike."""
+
+    def units(self) -> tuple[Unit, ...]:
+        """Of its parameters, in the order of its fields."""
+        return tuple(field.metadata["unit"] for field in dataclasses.fields(self))
+
+    def parameters(self) -> tuple[Array, ...]:
+        """Its numbers."""
+        return tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    def within(self, low: Array, high: Array) -> tuple[Array, ...]:
+        """Its parameters where the universe reaches from -1/2 to 1/2: at each share of it, the degree is the same."""
+        middle, span = 0.5 * (low + high), high - low
+        found = zip(self.parameters(), self.units(), strict=True)
+        return tuple((number - middle if unit.counted else number) / span**unit.power for number, unit in found)
 
 
 @jax.custom_jvp
@@ -153,7 +180,7 @@ class Gaussian(AbstractMembership):
     """`exp(-(value - centre)^2 / (2 width^2))`."""
 
     kind: ClassVar[str] = "gaussmf"
-    width: Scalar = _parameter()
+    width: Scalar = _parameter(_WIDTH)
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
@@ -170,8 +197,8 @@ class Bell(AbstractMembership):
     """Generalised bell, `1 / (1 + |(value - centre) / width|^(2 slope))`."""
 
     kind: ClassVar[str] = "gbellmf"
-    width: Scalar = _parameter()
-    slope: Scalar = _parameter()
+    width: Scalar = _parameter(_WIDTH)
+    slope: Scalar = _parameter(_NUMBER)
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
@@ -188,7 +215,7 @@ class Sigmoidal(AbstractMembership):
     """`1 / (1 + exp(-slope (value - centre)))`."""
 
     kind: ClassVar[str] = "sigmf"
-    slope: Scalar = _parameter()
+    slope: Scalar = _parameter(_RATE)
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:

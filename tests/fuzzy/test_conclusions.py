@@ -7,7 +7,6 @@ import pytest
 
 from jbridge.fuzzy.conclusions import Gridded, Swept
 from jbridge.fuzzy.defuzzify import Centroid
-from jbridge.fuzzy.inference import _degrees
 from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Variable
@@ -44,8 +43,8 @@ def gridded(row, weights, norms, softness):
 
 def swept(row, weights, norms, softness):
     variable = output(row)
-    degrees = [_degrees(variable, clause, POINTS) for clause in CLAUSES]
-    found = Swept.of(degrees, (variable.low, variable.high), *norms)
+    sets = [(variable.sets[clause.label], clause.negated) for clause in CLAUSES]
+    found = Swept.of(sets, variable.low, variable.high, POINTS, *norms)
     return found.value([weights[i] for i in range(5)], softness)
 
 
@@ -64,6 +63,23 @@ def test_point_after_point_the_same_value_and_gradients_come_out(norms, softness
     assert (np.abs(wanted[1]) > 1e-6).sum() >= 11 and (np.abs(wanted[2]) > 1e-3).sum() >= 3
     for a, b in zip(wanted, found, strict=True):
         np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("softness", [None, 0.1])
+def test_second_derivatives_come_out_too(softness):
+    """Products, since where sets are clipped only the balance of areas bends."""
+    norms = (Product(), ProbabilisticSum())
+    wanted, found = (
+        np.concatenate(
+            [np.ravel(part) for part in jax.tree.leaves(jax.jit(jax.hessian(f, argnums=(0, 1)))(ROW, WEIGHTS))]
+        )
+        for f in (
+            lambda row, weights: gridded(row, weights, norms, softness),
+            lambda row, weights: swept(row, weights, norms, softness),
+        )
+    )
+    assert (np.abs(wanted) > 1e-3).sum() > 100
+    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
 
 
 def test_each_rollout_of_a_batch_gets_its_own_gradient():

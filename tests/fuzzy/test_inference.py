@@ -308,14 +308,32 @@ def test_written_out_derivatives_of_blurred_norms(norm):
         )
 
 
-@pytest.mark.parametrize("value", [0.02, 0.3, 0.96, 1.2, 1.49, 1.98])
-def test_written_out_derivatives_of_rounded_corners(value):
-    def degree(*numbers):
-        value, *corners, softness = map(as_number, numbers)
-        return Trapezoidal(*corners).degree(value, softness)
+@pytest.mark.parametrize("softness", [None, 0.1])
+@pytest.mark.parametrize("value", [-0.5, 0.02, 0.3, 0.96, 1.2, 1.49, 1.98, 2.5])
+def test_written_out_derivatives_of_flanks(value, softness):
+    """Against differences, sharp corners and rounded ones; then with an upright flank on either side."""
 
-    given = tuple(map(as_number, (value, 0.0, 1.0, 1.5, 2.0, 0.1)))
-    check_grads(degree, given, 1, rtol=1e-5, atol=1e-8)
+    def check(degree, *numbers):
+        """`degree` takes a value, corners, and the softness, if there is one."""
+        blur = () if softness is None else (softness,)
+        check_grads(
+            lambda *args: degree(*map(as_number, args)),
+            tuple(map(as_number, (value, *numbers, *blur))),
+            1,
+            rtol=1e-5,
+            atol=1e-8,
+        )
+
+    check(lambda v, a, b, c, d, *s: Trapezoidal(a, b, c, d).degree(v, *s), 0.0, 1.0, 1.5, 2.0)
+    check(lambda v, c, d, *s: Trapezoidal(0.0, 0.0, c, d).degree(v, *s), 1.5, 2.0)
+    check(lambda v, a, b, *s: Trapezoidal(a, b, 2.0, 2.0).degree(v, *s), 0.0, 1.0)
+
+
+@pytest.mark.parametrize("softness", [None, 0.1])
+def test_an_upright_flank_has_no_slope_to_follow(softness):
+    corners = as_number([0.0, 0.0, 1.5, 2.0])
+    slopes = jax.grad(lambda c: Trapezoidal(*c).degree(as_number(0.3), softness))(corners)
+    np.testing.assert_array_equal(slopes, np.zeros(4))
 
 
 @pytest.mark.parametrize("softness", [None, 0.1])
