@@ -53,15 +53,17 @@ def finer(search: Search, state: State, place: int = -1) -> State:
     """
     if not several(state.batch):
         return state  # by the recording that they are fitted to, more knots are always worth it
-    friction = _map_of(state, state.accepted[place])
+    found, friction = state, _map_of(state, state.accepted[place])
     while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
-        found = _with_knots(search, state, friction, count)
+        found = _with_knots(search, found, friction, count)
         # Of a model that leaves much, what one step gives for a recording left out is bounded, and says nothing.
         before, after = ((s.cross_validated if found.chi < POOR else left_out_at_best(s)) for s in (state, found))
-        if not after <= before * (1 - PAYS):
+        if after <= before * (1 - PAYS):
+            state = found
+        elif found.chi < POOR:
             break
-        state = found
-        friction = _map_of(state, state.accepted[place])
+        # Else what is finer still than these knots spoils the fit with any number: the next ones may tell it.
+        friction = _map_of(found, found.accepted[place])
     return state
 
 
