@@ -97,19 +97,24 @@ def closes_little(before: Run, after: Run) -> bool:
         before: the hold-out's free runs without it.
         after: with it.
     """
-    first, last = ratios(before), ratios(after)
+    first, last = (ratios(run.batch, run.predicted) for run in (before, after))
     shown = np.maximum(first, last) > NOTICEABLE
     gap, left = (float(np.sum(np.maximum(found[shown] - 1.0, 0.0))) for found in (first, last))
     return bool((first > NOTICEABLE).any() and np.isfinite(left) and left <= (1.0 - PROVEN) * gap)
 
 
-def ratios(run: Run) -> NDArray[np.float64]:
-    """Error over noise, `(recording, channel)`; infinite where a simulation ran away, 0 where nothing was measured."""
-    weight = np.asarray(run.batch.lanes.weight)
-    residual = np.where(weight > 0, run.predicted - np.asarray(run.batch.lanes.y), 0.0) * weight
+def ratios(batch: Batch, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Error over noise, `(recording, channel)`; infinite where a simulation ran away, 0 where nothing was measured.
+
+    Args:
+        batch: whole recordings.
+        predicted: what a model says of them, `(recording, sample, channel)` [m, rad, m].
+    """
+    weight = np.asarray(batch.lanes.weight)
+    residual = np.where(weight > 0, predicted - np.asarray(batch.lanes.y), 0.0) * weight
     number = np.maximum(np.count_nonzero(weight, axis=1), 1)
     power = np.nan_to_num(np.sum(residual**2, axis=1) / number, nan=np.inf)
-    return np.sqrt(power)[np.asarray(run.batch.recording) >= 0]
+    return np.sqrt(power)[np.asarray(batch.recording) >= 0]
 
 
 def _closes(first: float, last: float) -> bool:

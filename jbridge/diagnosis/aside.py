@@ -5,13 +5,19 @@ others. Where no explanation holds and one recording is met far worse than any o
 have the word only if what they say holds on the hold-out, and meets the odd recording, too, until something happens.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .._types import AXES
-from ..identify.evaluate import Run, evaluate
+from ..identify.evaluate import evaluate
+from ..identify.lanes import Batch
 from ..identify.setting import Setting
 from ..model.plant import Plant
 from ..recordings import Recording
+from ..recordings.recording import INPUTS
 from .adequacy import LARGE, ratios
 from .result import Interval
 
@@ -25,15 +31,19 @@ _CLEARLY = 3.0
 """and that of all that follows, if something happened."""
 _UNDISTURBED = 1.0
 """Shortest time [s] before that: most laws of physics would show from the start."""
+_SHORTLY = 0.5
+"""Time [s] within which a force that begins somewhere drives a simulation away,"""
+_BEYOND = 0.05
+"""and share of a range by which one must leave it to be anywhere else."""
 
 
-def stands_out(run: Run) -> int | None:
+def stands_out(batch: Batch, predicted: NDArray[np.float64]) -> int | None:
     """The place of a recording that is met far worse than all others, if they are enough without it.
 
     Args:
-        run: free runs over the recordings.
+        batch, predicted: see `ratios`.
     """
-    worst = ratios(run).max(axis=1)
+    worst = ratios(batch, predicted).max(axis=1)
     if len(worst) < _FEWEST:
         return None
     second, first = np.argsort(worst, kind="stable")[-2:]
@@ -42,13 +52,26 @@ def stands_out(run: Run) -> int | None:
     return int(first) if odd else None
 
 
-def since(plant: Plant, setting: Setting, recording: Recording) -> tuple[Interval, str, float] | None:
-    """When something happened in a recording that a model met until then, and where and how far off that led most.
+class Event(NamedTuple):
+    """Something that happened in a recording that a model met until then."""
+
+    when: Interval
+    channel: str
+    """Where that led most,"""
+    ratio: float
+    """and how far off, over the noise."""
+    beyond: str | None
+    """The first input or channel that is just then where no other recording has it: a law may begin there, too."""
+
+
+def event(plant: Plant, setting: Setting, recording: Recording, others: Sequence[Recording]) -> Event | None:
+    """What happened in a recording, if a model meets it until an instant.
 
     Args:
         plant: the model, from the other recordings.
         setting: noise and units.
         recording: the odd one.
+        others: those.
     """
     run = evaluate(plant, setting, [recording], windows=False)
     grid, weight = run.batch.grids[0], np.asarray(run.batch.lanes.weight)[0, : run.batch.grids[0].intervals + 1]
@@ -62,7 +85,23 @@ def since(plant: Plant, setting: Setting, recording: Recording) -> tuple[Interva
     channel = int(np.argmax(after))
     if begun < _UNDISTURBED or before.max() > LARGE or not after[channel] >= _CLEARLY:
         return None
-    return Interval(recording.name, begun, float(grid.times[-1])), AXES[channel], float(after[channel])
+    when = Interval(recording.name, begun, float(grid.times[-1]))
+    beyond = _beyond(recording, others, recording.start + begun)
+    return Event(when, AXES[channel], float(after[channel]), beyond)
+
+
+def _beyond(recording: Recording, others: Sequence[Recording], instant: float) -> str | None:
+    just = (recording.times >= instant - _SHORTLY) & (recording.times < instant)
+    for channel in (*INPUTS, *AXES):
+        own = getattr(recording, channel)
+        known = [values for other in others if (values := getattr(other, channel)) is not None]
+        if own is None or not known:
+            continue
+        low, high = min(map(np.min, known)), max(map(np.max, known))
+        margin = _BEYOND * (high - low)
+        if np.any((own[just] < low - margin) | (own[just] > high + margin)):
+            return channel
+    return None
 
 
 def _ratio(off: np.ndarray, weight: np.ndarray) -> np.ndarray:

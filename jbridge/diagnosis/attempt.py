@@ -234,7 +234,7 @@ def _refuted(explained: Explained, search: Search, base: BaseFit, why: str = _NO
     """Nothing accepted, for a reason that came to light afterwards."""
     state = state_of(base.engine, base.free_run, base.fits, search.known)
     refused = [*refused_with(explained.steps, why), *explained.refused]
-    return Explained(state, [], nan, nan, explained.screened, refused)
+    return Explained(state, [], nan, nan, explained.screened, refused, odd=explained.odd)
 
 
 def _asked(base: BaseFit, setting: Setting, draws: bool) -> tuple[dict[str, Channel], float, bool]:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Collection, Sequence
 from .._threads import one_thread_each
 from ..errors import InputError
 from ..identify.base import WINDOW
-from ..identify.evaluate import traces
+from ..identify.evaluate import evaluate, traces
 from ..identify.setting import Setting, make_setting, with_a_scale
 from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..recordings import Recording
-from .adequacy import FORESEEN, LARGE, LEARNABLE, NOTICEABLE, PROVEN, SIGNIFICANT, STILL_LEARNABLE, channels
-from .aside import since, stands_out
+from .adequacy import FORESEEN, LARGE, LEARNABLE, NOTICEABLE, PROVEN, SIGNIFICANT, STILL_LEARNABLE, channels, is_large
+from .aside import event, stands_out
 from .attempt import Attempt, attempt
 from .contend import contenders, continued, nearest
 from .design import next_experiment
@@ -103,22 +103,28 @@ class _Plan:
     def setting_aside(self, index: int) -> "_Plan":
         """The same without one of the recordings."""
         odd = self.recordings[index]
-        rest = tuple(recording for recording in self.recordings if recording is not odd)
-        new = tuple(recording for recording in self.new if recording is not odd)
-        return dataclasses.replace(self, recordings=rest, new=new, aside=odd, spare=False)
+        rest, new = (tuple(r for r in some if r is not odd) for some in (self.recordings, self.new))
+        notes = tuple(note for note in self.notes if note != _taken(odd))
+        surprised = None if _taken(odd) in self.notes else self.surprised
+        return dataclasses.replace(
+            self, recordings=rest, new=new, notes=notes, surprised=surprised, aside=odd, spare=False
+        )
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
         taken = self.holdout[index]
-        note = f"{taken.name} was learned from, too: it shows what the other recordings hardly do."
         return dataclasses.replace(
             self,
             recordings=(*self.recordings, taken),
             holdout=self.holdout[:index] + self.holdout[index + 1 :],
-            notes=(*self.notes, note),
+            notes=(*self.notes, _taken(taken)),
             spare=False,
             surprised=channel,
         )
+
+
+def _taken(recording: Recording) -> str:
+    return f"{recording.name} was learned from, too: it shows what the other recordings hardly do."
 
 
 def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis | _Plan":
@@ -142,34 +148,43 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         return plan.taking_in(settled.unprepared.recordings[0], settled.unprepared.channel)
     judged = judge(made, settled, setting, plan.surprised)
     # Of rigs that drift, whole recordings are met by luck.
-    if judged.verdict == "unknown" and plan.aside is None and made.search.window is None:
-        odd = stands_out(settled.last.train)
+    if judged.verdict != "adequate" and plan.aside is None and made.search.window is None and is_large(judged.left):
+        now = stands_out(settled.last.train.batch, settled.last.train.predicted)
+        odd = made.explained.odd if now is None else now
         if odd is not None:
             tell("asking all recordings but one, which is met far worse")
-            others = _without_what_happened_once(plan.setting_aside(odd), setting, progress)
+            others = _without_what_happened_once(plan.setting_aside(odd), plan.recordings[odd], setting, progress)
             if others is not None:
                 return others
     return _told(plan, made, settled, judged, setting, tell)
 
 
 def _without_what_happened_once(
-    plan: _Plan, setting: Setting, progress: Callable[[str], None] | None
+    plan: _Plan, odd: Recording, setting: Setting, progress: Callable[[str], None] | None
 ) -> Diagnosis | None:
     """What the other recordings say, if the hold-out bears it out and so does the odd one, until something happens."""
-    odd = plan.aside
     try:
         found = _diagnose(plan, progress)
     except InputError:  # a motor that runs in the odd one alone, say
         return None
-    if isinstance(found, _Plan) or found.verdict != "missing_physics" or odd is None:
+    assert isinstance(found, Diagnosis), "a plan with nothing to spare is carried out"
+    if found.verdict != "missing_physics":
         return None
-    happened = since(found.model.plant, setting, odd)
+    happened = event(found.model.plant, setting, odd, plan.recordings)
     if happened is None:
         return None
-    when, channel, ratio = happened
-    told = aside_sentence(odd.name, when.start, channel, ratio)
-    location = dataclasses.replace(found.location, when=(*found.location.when, when))
-    return dataclasses.replace(found, statement=f"{found.statement} {told}", location=location)
+    told = aside_sentence(odd.name, happened.when.start, happened.channel, happened.ratio, happened.beyond)
+    before, after = (
+        (model.plant, evaluate(model.plant, setting, [odd], windows=False)) for model in (found.before, found.model)
+    )
+    return dataclasses.replace(
+        found,
+        # Where it may have met another law, what was named may be a part of what is missing.
+        verdict="missing_physics" if happened.beyond is None else "unknown",
+        statement=f"{found.statement} {told}",
+        location=dataclasses.replace(found.location, when=(*found.location.when, happened.when)),
+        traces=(*found.traces, *traces(before, after, [odd], "aside")),
+    )
 
 
 def _told(

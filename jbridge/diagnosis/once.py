@@ -42,7 +42,7 @@ def happened_once(run: Run, names: Sequence[str]) -> Once | None:
         run: free runs of the model as given over the recordings.
         names: of those.
     """
-    found = ratios(run)
+    found = ratios(run.batch, run.predicted)
     worst = found.max(axis=1)
     odd = worst > LARGE
     if not 0 < np.count_nonzero(odd) <= _SHARE * len(names) or worst[odd].min() < _CLEARLY * worst[~odd].max():

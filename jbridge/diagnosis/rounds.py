@@ -10,6 +10,7 @@ from ..identify.finer import fit_finely
 from ..identify.left_out import several
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE, channels, is_large
+from .aside import stands_out
 from .candidates import Candidate, has_hidden_state
 from .curve import of_place_alone
 from .freeze import last_fit
@@ -66,6 +67,8 @@ class Explained:
     """The trials of that round, or of one whose choice was withdrawn, and why each did not pass."""
     curve: State | None = None
     """The model with a force that hangs on the place alone, where a map of friction would have played it."""
+    odd: int | None = None
+    """The recording that was met far worse than all others at last, before later acceptances made up for it."""
 
 
 def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explained | None = None) -> Explained:
@@ -91,6 +94,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     if begin is not None:
         state, steps, learnable = begin.state, list(begin.steps), begin.learnable
     screened, left = None, []
+    odd = _odd_one(search, state) if begin is None else begin.odd
     for _ in range(len(steps), MOST_EFFECTS):
         if len(steps) >= _KEPT:
             # Programs of structures that were tried are needed no more, and their memory maps are limited.
@@ -134,6 +138,8 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
             state, steps = _alone(search, first, state, steps)
+        found = _odd_one(search, state)
+        odd = odd if found is None else found
         if state.chi < NEAR and _quiet(search, state):
             break
     else:
@@ -154,7 +160,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     state = search.smooth(state)
-    done = Explained(state, steps, learnable, after, screened, left)
+    done = Explained(state, steps, learnable, after, screened, left, odd=odd)
     for candidate in state.accepted:
         alone = of_place_alone(search, state, candidate)
         if alone is not None:
@@ -195,7 +201,15 @@ def _without_friction(search: Search, done: Explained, friction: Candidate, bare
     share = held(bare, as_trial(curved, friction, gone.chosen.z), floor_of([gone.chosen]))
     after = max(screened.learnable, min(share, 1.0))
     refused = refused_with([gone], "a force of the place alone does as well")
-    return Explained(bare, steps, done.learnable, after, screened, refused, curved)
+    return Explained(bare, steps, done.learnable, after, screened, refused, curved, done.odd)
+
+
+def _odd_one(search: Search, state: State) -> int | None:
+    """The recording that a model meets far worse than all others."""
+    if search.window is not None or state.worst <= LARGE:
+        return None
+    fit = last_fit(state)
+    return stands_out(fit.batch, fit.gram.predicted[0])
 
 
 def _quiet(search: Search, state: State) -> bool:

@@ -55,7 +55,7 @@ def surprise(fitted: LastFit, run: Run, limit: float = LARGE) -> Surprise | None
     if not max(own.values()) <= LARGE:
         return None
     limit *= 1.0 if fitted.finer else _COARSE
-    batch, found = run.batch, ratios(run)
+    batch, found = run.batch, ratios(run.batch, run.predicted)
     real = np.flatnonzero(np.asarray(batch.recording) >= 0)
     for k in np.argsort(-found.max(axis=0)):
         badly = found[:, k] > limit

@@ -14,7 +14,13 @@ from .names import explanation_name, site_name, spaced
 from .once import Once
 from .result import Channel, Location, NamedEffect, Rival
 
-_CHANNEL_WORDS = {"x": "cart position", "psi": "swing angle", "l": "rope length"}
+_CHANNEL_WORDS = {
+    "x": "cart position",
+    "psi": "swing angle",
+    "l": "rope length",
+    "u_x": "cart drive's input",
+    "u_l": "hoist drive's input",
+}
 
 
 def quantity(e: Estimate) -> str:
@@ -159,12 +165,28 @@ def _once_sentence(once: Once, ratio: float, worst: str) -> str:
     )
 
 
-def aside_sentence(name: str, start: float, channel: str, ratio: float) -> str:
-    """What is told of a recording that was set aside."""
-    return (
+def aside_sentence(name: str, start: float, channel: str, ratio: float, beyond: str | None) -> str:
+    """What is told of a recording that was set aside.
+
+    Args:
+        name: of the recording.
+        start: until when the model meets it [s].
+        channel: that which it meets worst from then on,
+        ratio: and with how many times the noise.
+        beyond: the input or channel that is just then where no other recording has it.
+    """
+    told = (
         f"{name} was set aside: the model meets it as well as the others until {start:.2f} s, and then leaves "
-        f"{_times(ratio)} times the noise in the {_CHANNEL_WORDS[channel]}. Something seems to have happened there "
-        "once: a reading that jumped, say, or a push. If no other recording goes where it went, record one that does."
+        f"{_times(ratio)} times the noise in the {_CHANNEL_WORDS[channel]}. "
+    )
+    if beyond is None:
+        return told + (
+            "Something seems to have happened there once, such as a push or a reading that jumped. If it did not, "
+            "record another run like it."
+        )
+    return told + (
+        f"Just then its {_CHANNEL_WORDS[beyond]} is where no other recording has it: something happened there once, or "
+        "something more is missing that begins there. Record another run that goes there, and add it with --with."
     )
 
 

@@ -26,7 +26,7 @@ class Trace:
 
     recording: str
     role: str
-    """`train` or `holdout`."""
+    """`train`, `holdout`, or `aside` for a recording that was set aside."""
     times: NDArray[np.float64]
     """From the recording's start [s]."""
     inputs: Mapping[str, NDArray[np.float64]]

@@ -152,7 +152,7 @@ def test_a_little_gap_must_close_in_every_recording(batch, before, after, closes
         Run(batch, predicted(batch, np.array(sizes)[:, None] * NOISE["x"] * np.ones(len(TIMES))), Errors({}, {}))
         for sizes in (before, after)
     )
-    np.testing.assert_allclose(ratios(first)[:, 0], before)
+    np.testing.assert_allclose(ratios(first.batch, first.predicted)[:, 0], before)
     assert closes_little(first, last) is closes
 
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.aside import since, stands_out
+from jbridge.diagnosis.aside import event, stands_out
+from jbridge.diagnosis.diagnose import diagnose
 from jbridge.diagnosis.words import aside_sentence
 from jbridge.identify.setting import make_setting
 from tests.diagnosis.test_once import run
-from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings
+from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, play
+from tests.problems import make_plant
 
 
 @pytest.mark.parametrize(
@@ -24,21 +26,22 @@ from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings
     ],
 )
 def test_a_recording_stands_out_by_twice_the_next_one(sizes, odd):
-    assert stands_out(run(sizes)) == odd
+    met = run(sizes)
+    assert stands_out(met.batch, met.predicted) == odd
 
 
 MODEL = cart_model(DRY, cart_damping=30.0)
 
 
 def found(runs, plant=MODEL.plant):
-    return since(plant, make_setting(MODEL, runs, ()), runs[-1])
+    return event(plant, make_setting(MODEL, runs, ()), runs[-1], runs[:-1])
 
 
 def test_a_jump_is_timed_and_sized():
     runs = cart_recordings(MODEL.plant, 4)
     runs[-1].x[312:] += 2e-3
-    when, channel, ratio = found(runs)
-    assert when.recording == runs[-1].name and channel == "x"
+    when, channel, ratio, beyond = found(runs)
+    assert when.recording == runs[-1].name and channel == "x" and beyond is None
     assert when.start == pytest.approx(3.12, abs=0.02) and when.stop == pytest.approx(6.0, abs=0.02)
     assert ratio == pytest.approx(2e-3 / NOISE["x"], rel=0.1)
 
@@ -52,7 +55,40 @@ def test_a_law_is_not_taken_for_something_that_happened():
     assert found(runs) is None
 
 
+def test_what_begins_where_no_other_recording_goes_may_be_a_law():
+    """A spring that only the last recording reaches."""
+    runs = cart_recordings(MODEL.plant, 4)
+    reach = max(run.x.max() for run in runs)
+    bumper = ("end_stop", "cart", {"position": reach + 0.05, "stiffness": 4000.0, "damping": 0.0})
+    push = np.zeros((600, 2))
+    push[:, 0] = np.concatenate([np.tile(np.repeat([1.0, -1.0], 50), 2), np.full(400, 2.0)])
+    runs[-1] = play(make_plant(DRY, bumper, cart_damping=30.0), push, name="far.csv")
+    begun = float(runs[-1].times[np.argmax(runs[-1].x > reach + 0.05)])
+    when, channel, _, beyond = found(runs)
+    assert channel == "x" and beyond == "x" and when.start == pytest.approx(begun, abs=0.2)
+    told = aside_sentence("far.csv", when.start, channel, 60.0, beyond)
+    assert "cart position is where no other recording has it" in told and "--with" in told
+
+
 def test_the_sentence_says_what_when_and_how_large():
-    told = aside_sentence("run-3.csv", 6.351, "x", 41.2)
+    told = aside_sentence("run-3.csv", 6.351, "x", 41.2, None)
     assert told.startswith("run-3.csv was set aside") and "until 6.35 s" in told
     assert "41 times the noise in the cart position" in told
+
+
+@pytest.mark.slow
+def test_others_are_asked_alone_where_one_spoils_a_law():
+    """A tilted rail in all recordings, and a reading that jumps in one of them: by itself it would get names, too."""
+    tilt = ("constant_force", "cart", {"level": 1.0})
+    runs = cart_recordings(make_plant(DRY, tilt, cart_damping=30.0), 7)
+    runs[2].x[330:] += 4e-3
+    told = diagnose(cart_model(DRY, cart_damping=25.0), runs[:5], runs[5:])
+    assert told.verdict == "missing_physics" and len(told.effects) == 1
+    assert tilt[:2] in {(e.kind, e.site) for e in (told.effects[0], *told.effects[0].equivalents)}
+    assert f"{runs[2].name} was set aside" in told.statement
+    odd = [trace for trace in told.traces if trace.role == "aside"]
+    assert [trace.recording for trace in odd] == [runs[2].name] and runs[2].name not in told.holdout
+    assert [i.start for i in told.location.when if i.recording == runs[2].name] == [pytest.approx(3.3, abs=0.02)]
+    left = (odd[0].measured["x"] - odd[0].after["x"])[:330]
+    assert np.sqrt(np.nanmean(left**2)) < 1.5 * NOISE["x"]
+    assert told.holdout_after.free_run["x"] < 1.5 * NOISE["x"]

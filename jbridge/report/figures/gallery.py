@@ -80,12 +80,14 @@ def fit_gallery(fit: Fit) -> Gallery:
 
 
 def choose(traces: Sequence[Trace], noise: Mapping[str, float], when: Sequence[Interval]) -> list[Trace]:
-    """The hold-out recordings, the training recording that is met worst, and the first in which the mismatch sits."""
+    """The hold-out recordings, the training recording that is met worst, the first in which the mismatch sits, and what
+    was set aside."""
     holdouts = [trace for trace in traces if trace.role == "holdout"][:_MOST_HOLDOUTS]
-    training = [trace for trace in traces if trace.role != "holdout"]
+    training = [trace for trace in traces if trace.role == "train"]
+    aside = [trace for trace in traces if trace.role == "aside"]
     worst = sorted(training, key=lambda trace: -misfit(trace, noise))[:1]
     named = [trace for interval in when[:1] for trace in training if trace.recording == interval.recording]
-    chosen = {id(trace): trace for trace in (*holdouts, *worst, *named)}
+    chosen = {id(trace): trace for trace in (*holdouts, *worst, *named, *aside)}
     return list(chosen.values())
 
 
@@ -136,7 +138,7 @@ def _forces(
     labels: tuple[str, str],
 ) -> tuple[Picture, ...]:
     """The axis at fault; all axes where none is."""
-    training = [trace for trace in traces if trace.role != "holdout"] or list(traces)
+    training = [trace for trace in traces if trace.role == "train"] or list(traces)
     axes = [axis] if axis else ["x", "psi", "l"]
     pictures = [
         draw_force(f"force-{other}", training, other, where if other == axis else (), units, labels) for other in axes

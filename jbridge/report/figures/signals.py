@@ -16,6 +16,11 @@ _AXES = {
     "psi": ("swing angle psi", Scale(57.29577951308232, "deg")),
     "l": ("rope length l", Scale(1.0, "m")),
 }
+_ROLES = {
+    "train": "training recording",
+    "holdout": "hold-out recording: never used for fitting",
+    "aside": "recording that was set aside: not used for fitting",
+}
 _INPUTS = {"u_x": "cart drive\nu_x", "u_l": "hoist drive\nu_l"}
 
 
@@ -45,8 +50,7 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=3)
 
-    role = "hold-out recording: never used for fitting" if trace.role == "holdout" else "training recording"
-    return picture(name, shortened(trace.recording), 0.7 + 1.05 * sum(heights), draw, role)
+    return picture(name, shortened(trace.recording), 0.7 + 1.05 * sum(heights), draw, _ROLES[trace.role])
 
 
 def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, str]) -> None:
