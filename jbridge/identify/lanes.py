@@ -201,7 +201,7 @@ def make_batch(
     at, to = np.zeros((n, size)), np.zeros((n, size))
     size_of_state = 6 + sum(len(_SPREAD[name]) for name in hidden)
     initial, prior = np.zeros((n, size_of_state)), np.zeros((n, size_of_state))
-    told = np.full(n, max(_TOLD, beat))
+    told = np.full(n, _TOLD)
     scale = np.array([1.0 / sigma[axis] if axis in sigma else 0.0 for axis in AXES])
     for i, (r, a, b) in enumerate(cuts):
         g = grids[r]
@@ -222,6 +222,8 @@ def make_batch(
         for place, name in enumerate(AXES):
             if name in altered and np.isfinite(prior[i, place]):
                 prior[i, place] = _ANYWHERE
+        # Of a lane that its start takes up whole, nothing would be left to compare.
+        told[i] = max(_TOLD, min(beat, 0.5 * (g.times[b] - g.times[a])))
         if slack > 0.0:
             told[i] += _moves(g, a, b, slack + _STILL * sigma.get("x", 0.0))
         if not len(known):

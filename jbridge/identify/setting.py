@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..errors import InputError
-from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
+from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, AbstractSensor, Scene
 from ..model.effects.drives import InputDelay
 from ..model.effects.flexible import Backlash, DoublePendulum
 from ..model.effects.friction import CoulombFriction, PreslidingFriction
@@ -238,7 +238,7 @@ def lanes_for(
         beat=_beat(plant),
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
-        altered=[axis for axis in AXES if any(effect.site == f"{axis}_sensor" for effect in plant.effects)],
+        altered=[axis for axis in AXES if any(plant.all(AbstractSensor, f"{axis}_sensor"))],
         like=like,
     )
 
