@@ -62,7 +62,8 @@ def diagnose(case: Path, timeout: float) -> str:
 def mean_length(case: Path) -> float | None:
     """Mean rope length of the training recordings [m], None without an `l` column."""
     paths = recordings(case, "train")
-    names = paths[0].open().readline().strip().split(",")
+    with paths[0].open() as file:
+        names = file.readline().strip().split(",")
     if "l" not in names:
         return None
     columns = [np.loadtxt(p, delimiter=",", skiprows=1, usecols=names.index("l")) for p in paths]
