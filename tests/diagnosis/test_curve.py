@@ -5,8 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jbridge.diagnosis.adequacy import LARGE
+from jbridge.diagnosis.attempt import Attempt
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.curve import force_without_a_name, of_place_alone
+from jbridge.diagnosis.judge import settle
 from jbridge.diagnosis.rounds import Explained, accept_effects
 from jbridge.diagnosis.search import Search, state_of
 from jbridge.diagnosis.tell import Step
@@ -113,3 +116,27 @@ def test_what_has_a_name_is_told_where_a_map_had_played_a_force_of_the_place():
 def test_what_has_none_is_not_called_something_else_instead():
     found, names = gone_on(("residual_force", "cart", CURVE))
     assert names == [] and found.curve is not None and found.curve.chi < 1.1 < found.state.chi
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("same", [True, False])
+def test_a_curve_is_kept_only_if_the_hold_out_is_met_no_worse_with_it(same):
+    """A hollow in the rail that is a hump in the hold-out makes no simulation usable."""
+    force = ("residual_force", "cart", CURVE)
+    runs = cart_recordings(make_plant(DRY, force, cart_damping=30.0), 4, seed=5)
+    there = (*force[:2], CURVE | {"by_place": list(HOLLOW if same else -HOLLOW)})
+    others = cart_recordings(make_plant(DRY, there, cart_damping=30.0), 2, seed=20)
+    model = cart_model(DRY, cart_damping=30.0)
+    setting = make_setting(model, runs, others)
+    base = base_fit(model.plant, model.known, setting)
+    state = state_of(base.engine, base.free_run, base.fits, model.known)
+    search = Search(model.plant, model.known, setting, None)
+    curved = search.polish(make_plant(DRY, force, cart_damping=30.0), model.known, state.initial, ())
+    assert curved.chi < 1.1 < LARGE < state.worst
+    explained = Explained(state, [], 1.0, 1.0, None, [], curve=curved)
+    made = Attempt(base, search, explained, {}, 0.0, None, None, None, 1.0, 1.0, True, True)
+    found = settle(made, setting, lambda text: None)
+    assert found.curved == same
+    assert any(effect.kind == "residual_force" for effect in found.last.plant.effects) == same
+    before, after = (m.holdout.errors.free_run["x"] / setting.noise["x"] for m in (found.first, found.last))
+    assert after < 0.1 * before if same else after == pytest.approx(before)
