@@ -175,8 +175,10 @@ def base_fit(
     if progress is not None:
         progress("fitting the model to whole recordings")
     fits = solve(engine, whole, short.vectors, [free], columns=columns, iterations=_MOST)
-    if thorough and not chi(fits.cost[0], whole) <= _POOR * max(chi(short.cost[0], windows), 1.0):
-        # Where friction holds what should move, a window tells little and a slope nothing.
+    astray = not np.isfinite(fits.cost[0])
+    if astray or (thorough and not chi(fits.cost[0], whole) <= _POOR * max(chi(short.cost[0], windows), 1.0)):
+        # Where friction holds what should move, a window tells little and a slope nothing. And what leaves least of
+        # windows may wind in all of the rope in a whole recording.
         tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=_MOST) for other in others]
         fits = min([fits, *tries], key=_cost)
     return BaseFit(

@@ -1,10 +1,12 @@
 """A fit begun anew from elsewhere is taken if it ends better, and only then."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
 
+from jbridge.identify import base
 from jbridge.identify.base import base_fit, begun_anew, columns_for
 from jbridge.identify.setting import make_setting
 from jbridge.identify.solve import solve
@@ -33,3 +35,22 @@ def test_a_fit_that_stopped_short_goes_on_from_better_numbers():
     assert begun_anew(good, start).chi == pytest.approx(good.chi, rel=1e-6)
     held = np.setdiff1d(np.arange(len(start)), good.free)
     np.testing.assert_array_equal(found.vector[held], stopped.vector[held])
+
+
+def test_where_the_fit_of_windows_goes_astray_in_whole_recordings_other_starts_are_tried(monkeypatch):
+    """As a winch may that winds in all of its rope, although no window of a recording is long enough for that."""
+    model = cart_model(DRY, cart_damping=45.0, cart_gain=15.0)
+    runs = cart_recordings(make_plant(DRY, cart_damping=50.0, cart_gain=15.0), 2, seconds=6.0)
+    astray = []
+
+    @functools.wraps(solve)
+    def led_astray(engine, batch, *args, **options):
+        fits = solve(engine, batch, *args, **options)
+        if batch.count > len(runs) or astray:
+            return fits
+        astray.append(fits)
+        return dataclasses.replace(fits, gram=fits.gram._replace(products=np.full_like(fits.gram.products, np.nan)))
+
+    monkeypatch.setattr(base, "solve", led_astray)
+    found = base_fit(model.plant, model.known, make_setting(model, runs, ()))
+    assert len(astray) == 1 and 0.6 < found.chi < 1.2
