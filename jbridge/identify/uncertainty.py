@@ -15,6 +15,8 @@ _FACTOR, _SHARE = 2.0, 0.0025
 """What a standard deviation is multiplied by, and the share of the value that is added to it (in quadrature): an engine
 is not a rig, and their difference is not noise. Chosen on concealed cases that another engine played
 (experiments/concealed/calibrate.py), where the plain intervals cover 41 % and these 95 %."""
+_UNTOLD = 1e9
+"""Standard deviation, over the value or one unit, beyond which a number shows in nothing that was recorded."""
 _CLOCK = 0.01
 """Share of the sampling period that is added to the standard deviation of a time: nobody knows better when a sample was
 taken and when an input acted, and two engines differ by up to this in the delays of the same recordings."""
@@ -76,6 +78,11 @@ def widened(stds: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[n
     return np.hypot(_FACTOR * stds, _SHARE * values)
 
 
+def _untold(std: float, value: float) -> bool:
+    """Whether nothing that was recorded depends on a number: then its standard deviation is rounding."""
+    return bool(std > _UNTOLD * max(abs(value), 1.0))
+
+
 def estimates(
     table: ParameterTable,
     vector: NDArray[np.float64],
@@ -83,7 +90,7 @@ def estimates(
     cov: NDArray[np.float64],
     period: float,
 ) -> dict[str, Estimate]:
-    """Every parameter of a table with its 95 % interval; what was not estimated has none.
+    """Every parameter of a table with its 95 % interval; what was not estimated, or told by nothing, has none.
 
     Args:
         table: of the model.
@@ -123,6 +130,8 @@ def estimates(
                 [v if x is None else x for v, x in zip(values, highs, strict=True)] if estimated else None,
                 unit,
             )
+        elif spread[0] is not None and _untold(spread[0], values[0]):
+            out[group] = Estimate(values[0], None, None, None, unit)
         else:
             out[group] = Estimate(values[0], spread[0], lows[0], highs[0], unit)
     return out
@@ -142,6 +151,9 @@ def warnings(
         if wide[i] > 0.5 * max(abs(vector[place]), 1e-9):
             if entry.info.vector:
                 loose.setdefault(entry.group, []).append(i)
+                continue
+            if _untold(wide[i], vector[place]):
+                out.append(f"The recordings say nothing of {entry.name}: it stays at {vector[place]:.3g} {entry.unit}.")
                 continue
             out.append(
                 f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "

@@ -82,6 +82,11 @@ def test_what_is_not_determined_is_said():
     wide = np.array([[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 25.0]])
     (said,) = warnings(TABLE, VECTOR, free, wide)
     assert said.startswith("The recordings hardly determine coulomb_friction@cart.level: 3 N")
+    blind = np.diag([1e-4, 1e-4, 1e200])
+    (said,) = warnings(TABLE, VECTOR, free, blind)
+    assert said == "The recordings say nothing of coulomb_friction@cart.level: it stays at 3 N."
+    told = estimates(TABLE, VECTOR, free, blind, 0.01)["coulomb_friction@cart.level"]
+    assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
     tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
     (said,) = warnings(TABLE, VECTOR, free, tied)
     assert "hardly tell cart_gain from cart_damping" in said
