@@ -181,6 +181,13 @@ def base_fit(
         # windows may wind in all of the rope in a whole recording.
         tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=_MOST) for other in others]
         fits = min([fits, *tries], key=_cost)
+    span, longest = window or WINDOW, max(recording.duration for recording in setting.recordings)
+    near = short.vectors
+    while not np.isfinite(fits.cost[0]) and (span := 2.0 * span) < longest:
+        # The longer a window, the more of what leads a simulation away it shows before that is lost.
+        longer = lanes_for(table, plant, setting, setting.recordings, span)
+        near = solve(engine, longer, near, [free], columns=columns, iterations=15).vectors
+        fits = solve(engine, whole, near, [free], columns=columns, iterations=_MOST)
     return BaseFit(
         engine,
         free,
