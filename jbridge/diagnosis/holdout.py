@@ -1,17 +1,21 @@
 """A hold-out taken from the recordings themselves where none was given, and what a hold-out cannot judge."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from ..model.effects.base import AXIS_OF_SITE, parameters_of
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
 from ..model.plant import Plant
 from ..recordings import Recording
+from .adequacy import LARGE
 
 _ABROAD = 0.25
 """Share of a hold-out's samples off a map from which on it cannot judge the map: a simulation keeps its errors."""
+
+_BY_HEART = 3.0
+"""Error of a hold-out over that of the recordings, from which a map that leaves much of them is no law of theirs."""
 
 
 class OffMap(NamedTuple):
@@ -34,10 +38,7 @@ def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[
         named: kind and site of what was named.
         holdout: recordings that took no part.
     """
-    for effect in plant.effects:
-        knots = parameters_of(type(effect)).get("knots")
-        if knots is None or knots.unit != "{position}" or (effect.kind, effect.site) not in named:
-            continue
+    for effect in _maps(plant, named):
         axis = AXIS_OF_SITE[effect.site]
         places = np.asarray(effect.knots)  # type: ignore[attr-defined]
         went = [getattr(r, axis) for r in holdout if (r.has_cart if axis == "x" else r.has_hoist)]
@@ -48,6 +49,28 @@ def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[
         if np.mean((values < places[0] - margin) | (values > places[-1] + margin)) > _ABROAD:
             return OffMap(axis, (float(places[0]), float(places[-1])), (float(np.min(values)), float(np.max(values))))
     return None
+
+
+def by_heart(plant: Plant, named: Collection[tuple[str, str]], left: float, holdout: float) -> bool:
+    """Whether a named map over place took up of each recording what it could, and is no law.
+
+    A map has a number for every place. One that is true leaves noise, and the rig's scatter, which a hold-out has as
+    well; of a law that hangs on more than the place it takes up what the recordings happen to have in common.
+
+    Args:
+        plant: the final model.
+        named: kind and site of what was named.
+        left: error over noise of the recordings, of the channel that is met worst,
+        holdout: and of the hold-out.
+    """
+    return bool(left > LARGE and not holdout <= _BY_HEART * left and any(_maps(plant, named)))
+
+
+def _maps(plant: Plant, named: Collection[tuple[str, str]]) -> Iterator[AbstractEffect]:
+    for effect in plant.effects:
+        knots = parameters_of(type(effect)).get("knots")
+        if knots is not None and knots.unit == "{position}" and (effect.kind, effect.site) in named:
+            yield effect
 
 
 def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:

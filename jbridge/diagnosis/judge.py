@@ -13,7 +13,7 @@ from .adequacy import LARGE, carries_over, channels, is_large, worst_ratio
 from .attempt import Attempt
 from .curve import force_without_a_name
 from .freeze import Frozen, freeze, last_fit, numbers
-from .holdout import OffMap, off_map
+from .holdout import OffMap, by_heart, off_map
 from .result import Channel
 from .surprise import Surprise, surprise
 from .trials import State
@@ -114,10 +114,17 @@ def judge(made: Attempt, settled: Settled, setting: Setting, surprised: str | No
     still = bool(made.alarm and (settled.curved or (is_large(left) and made.left_repeats)))
     before, after = settled.first.holdout.errors, settled.last.holdout.errors
     # The model is frozen, but whoever reads the verdict must be told if the proof fails.
-    unproven = bool(made.alarm and steps) and not carries_over(before, after, setting.noise, windows=in_windows)
+    names = {step.chosen.candidate.name for step in steps}
+    trained, *worst = (
+        worst_ratio(errors.window if in_windows else errors.free_run, setting.noise)
+        for errors in (settled.last.train.errors, before, after)
+    )
+    unproven = bool(made.alarm and steps) and (
+        not carries_over(before, after, setting.noise, windows=in_windows)
+        or by_heart(settled.last.plant, names, trained, worst[1])
+    )
     abroad = None
     if unproven:
-        names = {step.chosen.candidate.name for step in steps}
         abroad = off_map(settled.last.plant, names, setting.holdout)
     if abroad is not None:
         # Only the other drive's axis knows nothing of where this one is.
@@ -135,7 +142,6 @@ def judge(made: Attempt, settled: Settled, setting: Setting, surprised: str | No
         verdict = "missing_physics" if steps and not still and not unproven else "unknown"
     else:
         verdict = "adequate" if elsewhere is None and odd_one is None else "unknown"
-    worst = [worst_ratio(e.window if in_windows else e.free_run, setting.noise) for e in (before, after)]
     proof = Proof(worst[0], worst[1], f"windows of {WINDOW:g} s" if in_windows else "free runs")
     return Judgement(verdict, left, proof, unproven, abroad, elsewhere, odd_one, still)
 

@@ -55,14 +55,16 @@ def finer(search: Search, state: State, place: int = -1) -> State:
         return state  # by the recording that they are fitted to, more knots are always worth it
     found, friction = state, _map_of(state, state.accepted[place])
     while friction is not None and (count := 2 * len(friction.knots) - 1) <= _MOST_KNOTS:
+        skipped = found is not state
         found = _with_knots(search, found, friction, count)
         # Of a model that leaves much, what one step gives for a recording left out is bounded, and says nothing.
         before, after = ((s.cross_validated if found.chi < POOR else left_out_at_best(s)) for s in (state, found))
-        if after <= before * (1 - PAYS):
+        pays = after <= before * (1 - PAYS)
+        if pays and not (skipped and found.chi >= POOR):
             state = found
         elif found.chi < POOR:
             break
-        # Else what is finer still than these knots spoils the fit with any number: the next ones may tell it.
+        # Else what is finer still than these knots spoils the fit with any number: the next ones may tell all of it.
         friction = _map_of(found, found.accepted[place])
     return state
 

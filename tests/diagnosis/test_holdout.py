@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.holdout import OffMap, off_map
+from jbridge.diagnosis.holdout import OffMap, by_heart, off_map
 from tests.identify.cases import make_recording
 from tests.problems import make_plant
 
@@ -44,3 +44,19 @@ def test_a_map_is_not_judged_where_nobody_has_been(effect):
 )
 def test_everything_else_is_judged(effects, named, runs):
     assert off_map(make_plant(*effects), named, runs) is None
+
+
+@pytest.mark.parametrize(
+    ("effects", "named", "left", "holdout", "learned"),
+    [
+        ((DRY, MAP), {MAP[:2]}, 3.5, 17.0, True),
+        ((DRY, BOTH), {BOTH[:2]}, 3.5, np.inf, True),
+        # Scatter, which both have; what hardly shows in the recordings; no map; a map that was given.
+        ((DRY, MAP), {MAP[:2]}, 3.5, 8.0, False),
+        ((DRY, MAP), {MAP[:2]}, 1.2, 17.0, False),
+        ((DRY,), {DRY[:2]}, 3.5, 17.0, False),
+        ((DRY, MAP), {DRY[:2]}, 3.5, 17.0, False),
+    ],
+)
+def test_a_map_that_leaves_much_and_far_more_of_the_hold_out_is_no_law(effects, named, left, holdout, learned):
+    assert by_heart(make_plant(*effects), named, left, holdout) == learned
