@@ -92,7 +92,8 @@ def _simulate(
         )
         return fits.initial[0], fits.gram.predicted[0]
 
-    initial, predicted = started(batch, batch.initial, 4)
+    # What is hidden is not guessed from first samples.
+    initial, predicted = started(batch, batch.initial, 15 if plant.hidden else 4)
     if finer:
         corrected, _ = less_own_error(engine, vector, initial, batch, predicted)
         initial, _ = started(corrected, initial, 1)

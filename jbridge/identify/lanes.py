@@ -148,6 +148,7 @@ def make_batch(
     hidden: Sequence[str] = (),
     slack: float = 0.0,
     beat: float = 0.0,
+    bounce: tuple[float, float] | None = None,
     substeps: int | None = None,
     history: float = HISTORY,
     altered: Collection[str] = (),
@@ -165,6 +166,7 @@ def make_batch(
         hidden: names of the plant's hidden states.
         slack: way [m] after which the cart shows where a motor stood in its play, or how a presliding spring was bent.
         beat: time [s] after which a load shows how the hook that it hangs on swung.
+        bounce: how far [m] a load stretches its rope at rest, and how fast [m/s] it moves if it swings by that.
         substeps: integration steps in each interval; by default from `step`.
         history: time before a lane [s] whose inputs still count.
         altered: axes whose sensors read something else than where a thing is, as far as the model knows.
@@ -225,13 +227,16 @@ def make_batch(
         # Of a lane that its start takes up whole, nothing would be left to compare.
         told[i] = max(_TOLD, min(beat, 0.5 * (g.times[b] - g.times[a])))
         if slack > 0.0:
-            told[i] += _moves(g, a, b, slack + _STILL * sigma.get("x", 0.0))
+            told[i] += _moves(g, a, b, "x", slack + _STILL * sigma.get("x", 0.0))
+        if bounce is not None:
+            # A winch that friction holds tells nothing of the load.
+            told[i] += _moves(g, a, b, "l", _STILL * sigma.get("l", 0.0))
         if not len(known):
             for k, axis in ((0, 0), (1, 2)):
                 if _under_way(g, axis, initial[i, axis + 3]):
                     u[i, :earlier, k] = g.u[0, k]
         if hidden:
-            prior[i, 6:] = 1.0 / np.concatenate([_spread(name, g, a, b) for name in hidden])
+            prior[i, 6:] = 1.0 / np.concatenate([_spread(name, g, a, b, bounce) for name in hidden])
     # Lanes without content stand still at the first lane's state.
     spare = n - len(cuts)
     initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
@@ -274,9 +279,11 @@ def _filled(lanes: int) -> int:
     return lanes if lanes == 1 else -(-lanes // unit) * unit
 
 
-def _spread(name: str, g: Grid, a: int, b: int) -> NDArray[np.float64]:
+def _spread(name: str, g: Grid, a: int, b: int, bounce: tuple[float, float] | None) -> NDArray[np.float64]:
     """Standard deviations of a hidden state where a lane begins at sample `a`."""
     spread = np.array(_SPREAD[name])
+    if name == "loaded" and bounce is not None:
+        return np.maximum(spread, bounce)
     if name != "phi":
         return spread
     near = np.flatnonzero(g.measured[a : b + 1, 1] & (g.times[a : b + 1] <= g.times[a] + _TOLD)) + a
@@ -284,10 +291,11 @@ def _spread(name: str, g: Grid, a: int, b: int) -> NDArray[np.float64]:
     return spread * (1.0 + (_HOOK * np.ptp(g.y[near, 1]) / spread[0] if len(near) else 0.0))
 
 
-def _moves(g: Grid, a: int, b: int, far: float) -> float:
-    """Time from sample `a` at which the cart has gone so far [s]; 0 where it never does before sample `b`."""
-    rows = np.flatnonzero(g.measured[a : b + 1, 0]) + a
-    gone = rows[np.abs(g.y[rows, 0] - g.y[rows[:1], 0]) > far]
+def _moves(g: Grid, a: int, b: int, axis: str, far: float) -> float:
+    """Time from sample `a` at which an axis has gone so far [s]; 0 where it never does before sample `b`."""
+    k = AXES.index(axis)
+    rows = np.flatnonzero(g.measured[a : b + 1, k]) + a
+    gone = rows[np.abs(g.y[rows, k] - g.y[rows[:1], k]) > far]
     return float(g.times[gone[0]] - g.times[a]) if len(gone) else 0.0
 
 

@@ -12,7 +12,7 @@ from .._types import AXES
 from ..errors import InputError
 from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, AbstractSensor, Scene
 from ..model.effects.drives import InputDelay
-from ..model.effects.flexible import Backlash, DoublePendulum
+from ..model.effects.flexible import Backlash, DoublePendulum, RopeElasticity
 from ..model.effects.friction import CoulombFriction, PreslidingFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
@@ -236,6 +236,7 @@ def lanes_for(
         hidden=plant.hidden,
         slack=_slack(plant),
         beat=_beat(plant),
+        bounce=_bounce(plant),
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         altered=[axis for axis in AXES if any(plant.all(AbstractSensor, f"{axis}_sensor"))],
@@ -256,6 +257,16 @@ def _beat(plant: Plant) -> float:
     if pendulum is None:
         return 0.0
     return 2.0 * np.pi * float(np.sqrt(pendulum.link / plant.bridge.gravity))
+
+
+def _bounce(plant: Plant) -> tuple[float, float] | None:
+    """How far a load stretches its rope at rest [m], and how fast it moves if it swings by that [m/s]."""
+    rope = plant.only(RopeElasticity)
+    if rope is None:
+        return None
+    gravity = float(plant.bridge.gravity)
+    stretch = float(plant.bridge.load_mass) * gravity / float(rope.stiffness)
+    return stretch, float(np.sqrt(stretch * gravity))
 
 
 def _memory(plant: Plant) -> float:

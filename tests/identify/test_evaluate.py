@@ -43,3 +43,19 @@ def test_windows_begin_with_what_is_hidden_where_it_is(effect, active, volts):
     for axis in found.free_run:
         assert found.free_run[axis] < 1.1 * setting.noise[axis]
         assert found.window[axis] < 1.2 * setting.noise[axis]
+
+
+def test_windows_begin_with_a_load_that_bounces_on_its_rope():
+    """It stretches the rope by 10 mm; friction holds the winch where windows begin, so only its next move tells."""
+    plant = make_plant(
+        ("rope_elasticity", "hoist", {"stiffness": 140.0, "damping": 0.35}),
+        ("coulomb_friction", "hoist", {"level": 4.0}),
+    )
+    times = np.arange(800) * 0.01
+    on = (times % 2 > 0.8) & (times % 2 < 1.95)
+    u = np.stack([np.zeros(800), np.where(on, np.where(times // 2 % 2, -4.0, 4.0), 0.0)], axis=1)
+    run = play(plant, u, active=FIXED_CART, start={"x": 0.6}, seed=2)
+    setting = make_setting(Model(plant, frozenset(NUMBERS), frozenset(NUMBERS), {}, "model.toml"), [run], ())
+    found = evaluate(plant, setting, setting.recordings).errors
+    for axis in ("psi", "l"):
+        assert found.window[axis] < 1.2 * setting.noise[axis]
