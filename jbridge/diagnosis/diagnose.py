@@ -13,7 +13,18 @@ from ..identify.setting import Setting, make_setting, with_a_scale
 from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..recordings import Recording
-from .adequacy import FORESEEN, LARGE, LEARNABLE, NOTICEABLE, PROVEN, SIGNIFICANT, STILL_LEARNABLE, channels, is_large
+from .adequacy import (
+    FORESEEN,
+    LARGE,
+    LEARNABLE,
+    NOTICEABLE,
+    PROVEN,
+    SIGNIFICANT,
+    STILL_LEARNABLE,
+    channels,
+    is_large,
+    worst_ratio,
+)
 from .aside import event, stands_out
 from .attempt import Attempt, attempt
 from .contend import contenders, continued, nearest
@@ -90,6 +101,7 @@ class _Plan:
     recordings: tuple[Recording, ...]
     holdout: tuple[Recording, ...]
     new: tuple[Recording, ...]
+    """Those of the recordings that an earlier diagnosis did not know, one that was set aside included."""
     former: Former | None
     leave_out: frozenset[str]
     notes: tuple[str, ...]
@@ -103,12 +115,10 @@ class _Plan:
     def setting_aside(self, index: int) -> "_Plan":
         """The same without one of the recordings."""
         odd = self.recordings[index]
-        rest, new = (tuple(r for r in some if r is not odd) for some in (self.recordings, self.new))
+        rest = tuple(recording for recording in self.recordings if recording is not odd)
         notes = tuple(note for note in self.notes if note != _taken(odd))
         surprised = None if _taken(odd) in self.notes else self.surprised
-        return dataclasses.replace(
-            self, recordings=rest, new=new, notes=notes, surprised=surprised, aside=odd, spare=False
-        )
+        return dataclasses.replace(self, recordings=rest, notes=notes, surprised=surprised, aside=odd, spare=False)
 
     def taking_in(self, index: int, channel: str) -> "_Plan":
         """The same with a recording of the hold-out to learn from."""
@@ -154,7 +164,7 @@ def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis
         if odd is not None:
             tell("asking all recordings but one, which is met far worse")
             others = _without_what_happened_once(plan.setting_aside(odd), plan.recordings[odd], setting, progress)
-            if others is not None:
+            if others is not None and _rather(others, judged, settled):
                 return others
     return _told(plan, made, settled, judged, setting, tell)
 
@@ -185,6 +195,14 @@ def _without_what_happened_once(
         location=dataclasses.replace(found.location, when=(*found.location.when, happened.when)),
         traces=(*found.traces, *traces(before, after, [odd], "aside")),
     )
+
+
+def _rather(others: Diagnosis, judged: Judgement, settled: Settled) -> bool:
+    """Whether a diagnosis without one of the recordings gives way for that with it."""
+    if judged.verdict == "missing_physics" and others.verdict != judged.verdict:
+        return False
+    alone, together = others.holdout_after, settled.last.holdout.errors
+    return worst_ratio(alone.free_run, others.noise) <= worst_ratio(together.free_run, others.noise)
 
 
 def _told(

@@ -1,6 +1,6 @@
 """A hold-out taken from the recordings themselves where none was given, and what a hold-out cannot judge."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +51,9 @@ def off_map(plant: Plant, named: Collection[tuple[str, str]], holdout: Sequence[
     return None
 
 
-def by_heart(plant: Plant, named: Collection[tuple[str, str]], left: float, holdout: float) -> bool:
+def by_heart(
+    plant: Plant, named: Collection[tuple[str, str]], left: Mapping[str, float], holdout: Mapping[str, float]
+) -> bool:
     """Whether a named map over place took up of each recording what it could, and is no law.
 
     A map has a number for every place. One that is true leaves noise, and the rig's scatter, which a hold-out has as
@@ -60,10 +62,11 @@ def by_heart(plant: Plant, named: Collection[tuple[str, str]], left: float, hold
     Args:
         plant: the final model.
         named: kind and site of what was named.
-        left: error over noise of the recordings, of the channel that is met worst,
+        left: error over noise of the recordings, by channel,
         holdout: and of the hold-out.
     """
-    return bool(left > LARGE and not holdout <= _BY_HEART * left and any(_maps(plant, named)))
+    axes = {AXIS_OF_SITE[effect.site] for effect in _maps(plant, named)}
+    return any(left[axis] > LARGE and not holdout[axis] <= _BY_HEART * left[axis] for axis in axes & {*left, *holdout})
 
 
 def _maps(plant: Plant, named: Collection[tuple[str, str]]) -> Iterator[AbstractEffect]:

@@ -115,13 +115,12 @@ def judge(made: Attempt, settled: Settled, setting: Setting, surprised: str | No
     before, after = settled.first.holdout.errors, settled.last.holdout.errors
     # The model is frozen, but whoever reads the verdict must be told if the proof fails.
     names = {step.chosen.candidate.name for step in steps}
-    trained, *worst = (
-        worst_ratio(errors.window if in_windows else errors.free_run, setting.noise)
-        for errors in (settled.last.train.errors, before, after)
-    )
+    met = [e.window if in_windows else e.free_run for e in (settled.last.train.errors, before, after)]
+    trained, _, tested = ({axis: e / setting.noise[axis] for axis, e in errors.items()} for errors in met)
+    worst = [worst_ratio(errors, setting.noise) for errors in met[1:]]
     unproven = bool(made.alarm and steps) and (
         not carries_over(before, after, setting.noise, windows=in_windows)
-        or by_heart(settled.last.plant, names, trained, worst[1])
+        or by_heart(settled.last.plant, names, trained, tested)
     )
     abroad = None
     if unproven:

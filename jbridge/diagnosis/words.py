@@ -20,6 +20,9 @@ _CHANNEL_WORDS = {
     "l": "rope length",
     "u_x": "cart drive's input",
     "u_l": "hoist drive's input",
+    "x_rate": "cart's speed",
+    "psi_rate": "rate of swing",
+    "l_rate": "hoist's speed",
 }
 
 
@@ -173,7 +176,7 @@ def aside_sentence(name: str, start: float, channel: str, ratio: float, beyond: 
         start: until when the model meets it [s].
         channel: that which it meets worst from then on,
         ratio: and with how many times the noise.
-        beyond: the input or channel that is just then where no other recording has it.
+        beyond: see `Event`.
     """
     told = (
         f"{name} was set aside: the model meets it as well as the others until {start:.2f} s, and then leaves "
@@ -185,8 +188,8 @@ def aside_sentence(name: str, start: float, channel: str, ratio: float, beyond: 
             "record another run like it."
         )
     return told + (
-        f"Just then its {_CHANNEL_WORDS[beyond]} is where no other recording has it: something happened there once, or "
-        "something more is missing that begins there. Record another run that goes there, and add it with --with."
+        f"Just then its {_CHANNEL_WORDS[beyond]} is beyond that of any other recording: something happened there once, "
+        "or something more is missing that begins there. Record another run that goes there, and add it with --with."
     )
 
 

@@ -179,9 +179,11 @@ def base_fit(
     if astray or (thorough and not chi(fits.cost[0], whole) <= _POOR * max(chi(short.cost[0], windows), 1.0)):
         # Where friction holds what should move, a window tells little and a slope nothing. And what leaves least of
         # windows may wind in all of the rope in a whole recording.
+        if progress is not None:
+            progress("fitting whole recordings from other starts")
         tries = [solve(engine, whole, other[None], [free], columns=columns, iterations=_MOST) for other in others]
         fits = min([fits, *tries], key=_cost)
-    span, longest = window or WINDOW, max(recording.duration for recording in setting.recordings)
+    span, longest = WINDOW, max(recording.duration for recording in setting.recordings)
     near = short.vectors
     while not np.isfinite(fits.cost[0]) and (span := 2.0 * span) < longest:
         # The longer a window, the more of what leads a simulation away it shows before that is lost.

@@ -152,6 +152,7 @@ def make_batch(
     substeps: int | None = None,
     history: float = HISTORY,
     altered: Collection[str] = (),
+    late: Collection[str] = (),
     like: "Batch | None" = None,
 ) -> Batch:
     """Lanes of all recordings.
@@ -170,6 +171,7 @@ def make_batch(
         substeps: integration steps in each interval; by default from `step`.
         history: time before a lane [s] whose inputs still count.
         altered: axes whose sensors read something else than where a thing is, as far as the model knows.
+        late: axes whose sensors read where a thing was: the same at rest alone.
         like: a batch whose shape to take if there is room in it, so that its program serves this one, too.
     """
     period = float(np.median([recording.period for recording in recordings]))
@@ -222,9 +224,10 @@ def make_batch(
                 at[i, place], to[i, place] = 1.0, value
         initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
         for place, name in enumerate(AXES):
-            if name in altered and np.isfinite(prior[i, place]):
+            elsewhere = name in altered or (name in late and initial[i, place + 3] != 0.0)
+            if elsewhere and np.isfinite(prior[i, place]):
                 prior[i, place] = _ANYWHERE
-        # Of a lane that its start takes up whole, nothing would be left to compare.
+        # Of a window shorter than a hook's period some is left to compare.
         told[i] = max(_TOLD, min(beat, 0.5 * (g.times[b] - g.times[a])))
         if slack > 0.0:
             told[i] += _moves(g, a, b, "x", slack + _STILL * sigma.get("x", 0.0))

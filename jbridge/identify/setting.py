@@ -14,6 +14,7 @@ from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Abstra
 from ..model.effects.drives import InputDelay
 from ..model.effects.flexible import Backlash, DoublePendulum, RopeElasticity
 from ..model.effects.friction import CoulombFriction, PreslidingFriction
+from ..model.effects.sensors import SensorDelay
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
@@ -240,6 +241,7 @@ def lanes_for(
         # A lag may grow beyond what was recorded, its inputs may not.
         history=max(HISTORY, min(_memory(plant), max(recording.duration for recording in recordings))),
         altered=[axis for axis in AXES if any(plant.all(AbstractSensor, f"{axis}_sensor"))],
+        late=[axis for axis in AXES if any(plant.all(SensorDelay, f"{axis}_sensor"))],
         like=like,
     )
 

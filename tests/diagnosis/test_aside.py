@@ -67,7 +67,31 @@ def test_what_begins_where_no_other_recording_goes_may_be_a_law():
     when, channel, _, beyond = found(runs)
     assert channel == "x" and beyond == "x" and when.start == pytest.approx(begun, abs=0.2)
     told = aside_sentence("far.csv", when.start, channel, 60.0, beyond)
-    assert "cart position is where no other recording has it" in told and "--with" in told
+    assert "cart position is beyond that of any other recording" in told and "--with" in told
+
+
+def test_a_glitch_is_not_the_instant():
+    """One sample that is off before a reading jumps for good, and noise somewhat larger than in the other runs."""
+    runs = cart_recordings(MODEL.plant, 4)
+    runs[-1].x[150] += 8 * NOISE["x"]
+    assert found(runs) is None
+    runs[-1].x[:] += 0.7 * NOISE["x"] * np.random.default_rng(1).standard_normal(len(runs[-1].x))
+    runs[-1].x[312:] += 2e-3
+    assert found(runs).when.start == pytest.approx(3.12, abs=0.02)
+
+
+def test_a_law_that_begins_at_a_speed_may_be_one():
+    """Drag of a cart that the same voltage drives longer, and therefore faster, than in the other recordings."""
+    to_and_fro = np.tile(np.repeat([2.0, -2.0], 20), 15)
+    longer = np.concatenate([to_and_fro[:200], np.full(80, 2.0), np.full(80, -2.0), to_and_fro[:240]])
+    slow, fast = (np.stack([u, np.zeros(600)], axis=1) for u in (to_and_fro, longer))
+    plant = make_plant(DRY, cart_damping=30.0)
+    runs = [play(plant, slow, name=f"slow-{i}.csv", seed=i, start={"x": 0.6}) for i in range(3)]
+    top = max(np.abs(np.diff(run.x[::10])).max() for run in runs)
+    odd = play(plant, fast, name="fast.csv", seed=9, start={"x": 0.6})
+    assert np.abs(np.diff(odd.x[::10])).max() > 1.2 * top
+    odd.x[250:] += np.linspace(0.0, 0.02, 351)
+    assert found([*runs, odd]).beyond in ("x", "x_rate")
 
 
 def test_the_sentence_says_what_when_and_how_large():

@@ -59,3 +59,14 @@ def test_windows_begin_with_a_load_that_bounces_on_its_rope():
     found = evaluate(plant, setting, setting.recordings).errors
     for axis in ("psi", "l"):
         assert found.window[axis] < 1.2 * setting.noise[axis]
+
+
+def test_windows_begin_where_a_late_sensor_does_not_read():
+    """In the middle of a motion what is late reads tens of millimetres from where the cart is."""
+    plant = make_plant(("coulomb_friction", "cart", {"level": 3.5}), ("sensor_delay", "x_sensor", {"delay": 0.04}))
+    u = np.stack([steps(800, 3, hold=40, volts=3.0), np.zeros(800)], axis=1)
+    run = play(plant, u, active=CART_ALONE, start={"x": 0.6}, seed=2)
+    setting = make_setting(Model(plant, frozenset(NUMBERS), frozenset(NUMBERS), {}, "model.toml"), [run], ())
+    found = evaluate(plant, setting, setting.recordings).errors
+    assert found.free_run["x"] < 1.1 * setting.noise["x"]
+    assert found.window["x"] < 1.6 * setting.noise["x"]

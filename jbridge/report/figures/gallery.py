@@ -23,7 +23,7 @@ _DIAGNOSED = ("model as given, refitted", "final model")
 _FITTED = ("model as given", "fitted model")
 _MOST_HOLDOUTS = 3
 OWN_NAME = re.compile(
-    r"(improvement|places|(missing-)?force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
+    r"(improvement|places|(missing-)?force-(x|psi|l)|(signals|residuals)-(train|holdout|aside)-.+"
     r"|friction-map-position-(dependent|direction)-friction-.+)\.png"
 )
 """What the files of figures are called."""
