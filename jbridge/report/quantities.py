@@ -137,12 +137,16 @@ def shown(estimate: Estimate) -> Shown:
     return Shown(", ".join(entry.value for entry in each), UNKNOWN, each[0].unit if each else "")
 
 
+_ENDLESS = 1e20
+"""A limit beyond which an interval has none, in any unit."""
+
+
 def shown_entries(estimate: Estimate) -> list[Shown]:
     """The entries of a vector (a scalar is a vector of one), all in one unit and with the same digits."""
     values, stds = as_list(estimate.value), as_list(estimate.std)
     lows, highs = _padded(estimate.low, len(values)), _padded(estimate.high, len(values))
     scale = scale_for(estimate.unit, [*values, *lows, *highs])
-    known = [std for std in stds if std is not None and math.isfinite(std) and std > 0]
+    known = [std for std in stds if std is not None and 0 < std < _ENDLESS]
     finest = min(known) * scale.factor if known else None
     if finest is not None and len(values) > 1:
         # A curve keeps its shape even where nothing but its shape is determined.
@@ -150,7 +154,9 @@ def shown_entries(estimate: Estimate) -> list[Shown]:
         finest = min(finest, 0.1 * largest) if largest > 0 else finest
 
     def text(number: float | None) -> str:
-        return _rounded(None if number is None else number * scale.factor, finest)
+        if number is None or abs(number) > _ENDLESS:
+            return UNKNOWN
+        return _rounded(number * scale.factor, finest)
 
     entries = []
     for value, low, high in zip(values, map(text, lows), map(text, highs), strict=True):

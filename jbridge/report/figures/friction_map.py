@@ -18,6 +18,10 @@ _CURVES = {
 }
 
 
+_HEADROOM = 4.0
+"""Top of the picture over the highest level, at most."""
+
+
 def draw_friction_map(name: str, kind: str, site: str, parameters: Mapping[str, Estimate]) -> Picture | None:
     """Friction over place; None for an effect that is no map, or without its places."""
     curves = [key for key in _CURVES if key in parameters]
@@ -35,7 +39,9 @@ def draw_friction_map(name: str, kind: str, site: str, parameters: Mapping[str, 
             low, high = _array(estimate.low, places.size), _array(estimate.high, places.size)
             panel.fill_between(places, low, high, color=colour, alpha=0.18, linewidth=0)
             panel.plot(places, values, color=colour, marker=marker, markersize=6, linewidth=2.0, label=f"motion {said}")
-        panel.set_ylim(bottom=0)
+        # Where no recording passed, an interval may have no end; it must not flatten the curve.
+        most = max((np.nanmax(_array(parameters[key].value, places.size), initial=0.0) for key in curves), default=0.0)
+        panel.set_ylim(0.0, min(panel.get_ylim()[1], _HEADROOM * most) if most > 0.0 else None)
         panel.set_xlabel(f"{quantity} [m]")
         panel.set_ylabel(f"friction level [{pretty_unit(parameters[curves[0]].unit)}]")
         figure.legend(loc="outside upper left", ncols=2)
