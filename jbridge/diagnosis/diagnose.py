@@ -187,11 +187,12 @@ def _without_what_happened_once(
     before, after = (
         (model.plant, evaluate(model.plant, setting, [odd], windows=False)) for model in (found.before, found.model)
     )
+    # Where the odd one may have met another law, what was named may be a part of what is missing.
+    open_ = happened.beyond is not None
     return dataclasses.replace(
         found,
-        # Where it may have met another law, what was named may be a part of what is missing.
-        verdict="missing_physics" if happened.beyond is None else "unknown",
-        statement=f"{found.statement} {told}",
+        verdict="unknown" if open_ else found.verdict,
+        statement=f"{'More may be missing than has a name. ' if open_ else ''}{found.statement} {told}",
         location=dataclasses.replace(found.location, when=(*found.location.when, happened.when)),
         traces=(*found.traces, *traces(before, after, [odd], "aside")),
     )
