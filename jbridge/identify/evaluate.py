@@ -18,7 +18,8 @@ from ..recordings import Recording
 from .base import WINDOW, channel_errors
 from .finer import FINER, less_own_error
 from .force_balance import Balance, as_played, balance
-from .lanes import Batch, Grid, Lanes
+from .grid import Grid
+from .lanes import Batch, Lanes
 from .linearise import Engine
 from .result import Errors, Trace
 from .setting import Setting, lanes_for

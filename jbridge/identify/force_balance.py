@@ -21,7 +21,7 @@ from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
-from .lanes import Grid
+from .grid import Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""

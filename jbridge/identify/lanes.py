@@ -18,27 +18,13 @@ from numpy.typing import NDArray
 from .._types import AXES, Axes
 from ..inputs import Lane
 from ..recordings import Recording
+from .begin import SPREAD, STILL, TOLD, first_state, moves, spread, under_way
+from .grid import Grid, grid
 
 HISTORY = 0.6
 """Time before a lane [s] whose inputs a delay or a lag still feels, unless a model has longer ones."""
-_TOLD = 0.5
-"""Time that tells of an initial state [s]."""
-_START = 0.15
-"""Time [s] over which a parabola through the first samples gives the first guess of the initial state."""
-
-_UNDER_WAY = 0.02
-"""Speed [m/s] from which a recording may begin in motion."""
-_STILL = 4.0
-"""Range over noise of a channel's first samples up to which it starts at rest."""
-_REST = 0.5
-"""Time [s] of rest at a recording's start that leaves no doubt of it; a load hardly swinging may be still for less."""
 _ANYWHERE = 1.0
 """One over the standard deviation [1/m, 1/rad] of an initial place that readings do not tell."""
-_SPREAD = {"motor": (2e-3, 2e-2), "loaded": (2e-3, 2e-2), "phi": (2e-3, 2e-2), "spring": (0.7,)}
-"""Standard deviations of hidden states at a beginning: a deflection from rest [m, rad] and its rate, or what share of
-its most a spring is bent."""
-_HOOK = 0.5
-"""By how much of the load's swing the angle below a hook may differ from the one above it."""
 
 
 class Lanes(eqx.Module):
@@ -61,59 +47,6 @@ class Lanes(eqx.Module):
 def overridden(vector: Array, at: Array, to: Array) -> Array:
     """Parameters of which some (`at` above 0) are replaced."""
     return jnp.where(at > 0, to, vector)
-
-
-@dataclasses.dataclass(frozen=True)
-class Grid:
-    """One recording on the engine's grid, in plain NumPy."""
-
-    recording: Recording
-    times: NDArray[np.float64]
-    """Grid points [s] from the recording's start."""
-    u: NDArray[np.float64]
-    """Inputs of cart and hoist, held over each interval."""
-    dt_before: NDArray[np.float64]
-    """Intervals [s] between the rows before the recording's start whose inputs are known,"""
-    u_before: NDArray[np.float64]
-    """and those inputs."""
-    y: NDArray[np.float64]
-    measured: NDArray[np.bool_]
-    active: tuple[bool, bool, bool]
-    """Whether cart, swing and hoist move."""
-    length: float
-    """A rope length for the parts that do not measure one [m]."""
-
-    @property
-    def intervals(self) -> int:
-        return len(self.times) - 1
-
-
-def grid(recording: Recording, step: float) -> Grid:
-    """Puts a recording on grid points no farther apart than `step` [s], its own rows among them."""
-    t = recording.times - recording.times[0]
-    pieces = np.maximum(np.ceil(np.diff(t) / step - 1e-6).astype(int), 1)
-    row_at = np.concatenate([[0], np.cumsum(pieces)])
-    times = np.interp(np.arange(row_at[-1] + 1), row_at, t)
-    held = np.repeat(np.arange(len(pieces)), pieces)
-    earlier = recording.earlier
-    dt_before = np.zeros(0) if earlier is None else np.diff([*earlier.times, recording.start])
-    u, u_before = np.zeros((len(held), 2)), np.zeros((len(dt_before), 2))
-    for k, name in enumerate(("u_x", "u_l")):
-        if getattr(recording, name) is not None:
-            u[:, k] = getattr(recording, name)[held]
-            if earlier is not None:
-                u_before[:, k] = getattr(earlier, name)
-    y, measured = np.zeros((len(times), 3)), np.zeros((len(times), 3), bool)
-    for k, axis in enumerate(AXES):
-        values = getattr(recording, axis)
-        if values is not None:
-            y[row_at, k] = values
-            measured[row_at, k] = recording.fresh[axis]
-    length = recording.locked_length
-    if length is None:
-        length = 0.5 if recording.l is None else float(np.mean(recording.l))
-    active = (recording.has_cart, recording.has_swing, recording.has_hoist)
-    return Grid(recording, times, u, dt_before, u_before, y, measured, active, length)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -203,9 +136,9 @@ def make_batch(
     before = np.full((n, earlier), period)
     y, weight = np.zeros((n, longest + 1, 3)), np.zeros((n, longest + 1, 3))
     at, to = np.zeros((n, size)), np.zeros((n, size))
-    size_of_state = 6 + sum(len(_SPREAD[name]) for name in hidden)
+    size_of_state = 6 + sum(len(SPREAD[name]) for name in hidden)
     initial, prior = np.zeros((n, size_of_state)), np.zeros((n, size_of_state))
-    told = np.full(n, _TOLD)
+    told = np.full(n, TOLD)
     scale = np.array([1.0 / sigma[axis] if axis in sigma else 0.0 for axis in AXES])
     for i, (r, a, b) in enumerate(cuts):
         g = grids[r]
@@ -222,24 +155,24 @@ def make_batch(
         if overrides:
             for place, value in overrides[r].items():
                 at[i, place], to[i, place] = 1.0, value
-        initial[i, :6], prior[i, :6] = _first_state(g, a, b, sigma)
+        initial[i, :6], prior[i, :6] = first_state(g, a, b, sigma)
         for place, name in enumerate(AXES):
             elsewhere = name in altered or (name in late and initial[i, place + 3] != 0.0)
             if elsewhere and np.isfinite(prior[i, place]):
                 prior[i, place] = _ANYWHERE
         # Of a window shorter than a hook's period some is left to compare.
-        told[i] = max(_TOLD, min(beat, 0.5 * (g.times[b] - g.times[a])))
+        told[i] = max(TOLD, min(beat, 0.5 * (g.times[b] - g.times[a])))
         if slack > 0.0:
-            told[i] += _moves(g, a, b, "x", slack + _STILL * sigma.get("x", 0.0))
+            told[i] += moves(g, a, b, "x", slack + STILL * sigma.get("x", 0.0))
         if bounce is not None:
             # A winch that friction holds tells nothing of the load.
-            told[i] += _moves(g, a, b, "l", _STILL * sigma.get("l", 0.0))
+            told[i] += moves(g, a, b, "l", STILL * sigma.get("l", 0.0))
         if not len(known):
             for k, axis in ((0, 0), (1, 2)):
-                if _under_way(g, axis, initial[i, axis + 3]):
+                if under_way(g, axis, initial[i, axis + 3]):
                     u[i, :earlier, k] = g.u[0, k]
         if hidden:
-            prior[i, 6:] = 1.0 / np.concatenate([_spread(name, g, a, b, bounce) for name in hidden])
+            prior[i, 6:] = 1.0 / np.concatenate([spread(name, g, a, b, bounce) for name in hidden])
     # Lanes without content stand still at the first lane's state.
     spare = n - len(cuts)
     initial[len(cuts) :, :6], prior[len(cuts) :] = initial[0, :6], np.inf
@@ -280,76 +213,3 @@ def _filled(lanes: int) -> int:
     """A number of lanes from a coarse list, for the same reason."""
     unit = 2 if lanes <= 8 else 8
     return lanes if lanes == 1 else -(-lanes // unit) * unit
-
-
-def _spread(name: str, g: Grid, a: int, b: int, bounce: tuple[float, float] | None) -> NDArray[np.float64]:
-    """Standard deviations of a hidden state where a lane begins at sample `a`."""
-    spread = np.array(_SPREAD[name])
-    if name == "loaded" and bounce is not None:
-        return np.maximum(spread, bounce)
-    if name != "phi":
-        return spread
-    near = np.flatnonzero(g.measured[a : b + 1, 1] & (g.times[a : b + 1] <= g.times[a] + _TOLD)) + a
-    # A load that hangs still has a hook that does.
-    return spread * (1.0 + (_HOOK * np.ptp(g.y[near, 1]) / spread[0] if len(near) else 0.0))
-
-
-def _moves(g: Grid, a: int, b: int, axis: str, far: float) -> float:
-    """Time from sample `a` at which an axis has gone so far [s]; 0 where it never does before sample `b`."""
-    k = AXES.index(axis)
-    rows = np.flatnonzero(g.measured[a : b + 1, k]) + a
-    gone = rows[np.abs(g.y[rows, k] - g.y[rows[:1], k]) > far]
-    return float(g.times[gone[0]] - g.times[a]) if len(gone) else 0.0
-
-
-def _under_way(g: Grid, axis: int, speed: float) -> bool:
-    """Whether a recording begins in motion: then what drives it at the first row has done so before.
-
-    An axis that starts from rest has an average speed over its first moments, and none at their beginning.
-    """
-    rows = np.flatnonzero(g.measured[:, axis] & (g.times <= _START))
-    if not g.active[axis] or len(rows) < 2:
-        return False
-    mean = (g.y[rows[-1], axis] - g.y[rows[0], axis]) / (g.times[rows[-1]] - g.times[rows[0]])
-    return bool(abs(speed) > _UNDER_WAY and speed * mean > 0.5 * mean**2)
-
-
-def _first_state(
-    g: Grid, a: int, b: int, sigma: Mapping[str, float]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A parabola through each channel's first samples, and how far the truth may lie from it."""
-    state, tight = np.zeros(6), np.zeros(6)
-    state[2] = g.length
-    for k, axis in enumerate(AXES):
-        if not g.active[k]:
-            # What does not move keeps its place exactly.
-            tight[[k, k + 3]] = np.inf
-            continue
-        rows = np.flatnonzero(g.measured[a : b + 1, k]) + a
-        if not len(rows):
-            tight[[k, k + 3]] = [1 / 0.05, 1 / 0.2]
-            continue
-        near = rows[g.times[rows] <= g.times[rows[0]] + _START]
-        if len(near) < 6:
-            near = rows[:6]
-        noise = sigma[axis]
-        while True:
-            since = g.times[near] - g.times[a]
-            fit = np.polynomial.polynomial.polyfit(since, g.y[near, k], 2 if len(near) >= 6 else 1)
-            left = float(np.std(np.polynomial.polynomial.polyval(since, fit) - g.y[near, k]))
-            # What moves too fast for a parabola over this time is looked at for half of it.
-            if left <= 2.0 * noise or len(near) < 12:
-                break
-            near = near[: len(near) // 2]
-        state[k], state[k + 3] = fit[0], fit[1]
-        off, span = max(noise, left), max(float(since[-1] - since[0]), 1e-6)
-        tight[k] = 1.0 / (20.0 * off + 1e-4)
-        tight[k + 3] = 1.0 / (200.0 * off / span + 0.05)
-        if np.ptp(g.y[near, k]) <= _STILL * noise and since[-1] >= 0.5 * _START:
-            # Where friction holds a rig at rest, a free initial velocity would be a way around it.
-            state[k], state[k + 3] = np.mean(g.y[near, k]), 0.0
-            tight[[k, k + 3]] = 2.0 / (_STILL * noise), 2.0 * _START / (_STILL * noise)
-            longer = rows[g.times[rows] <= g.times[rows[0]] + _REST]
-            if a == 0 and axis != "psi" and np.ptp(g.y[longer, k]) <= _STILL * noise:
-                tight[k + 3] = np.inf
-    return state, tight

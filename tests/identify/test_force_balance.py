@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge.identify.force_balance import as_played, balance
-from jbridge.identify.lanes import grid
+from jbridge.identify.grid import grid
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import Setting, lanes_for
 from tests.identify.cases import DRY, NOISE, play, steps

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jbridge.identify.lanes import grid, make_batch
+from jbridge.identify.grid import grid
+from jbridge.identify.lanes import make_batch
 from tests.identify.cases import NOISE, make_recording
 
 PERIOD = 0.01
