@@ -59,7 +59,7 @@ def test_gallery_answers_every_question():
 
 
 def test_an_interval_without_an_end_does_not_flatten_a_map(figures):
-    levels = Estimate([1.0, 2.0, 2.0], [0.1, 0.1, 2e106], [0.8, 1.8, 0.0], [1.2, 2.2, 4e106], "N")
+    levels = Estimate([1.0, 2.0, 2.0], [0.1, 1e4, np.inf], [0.8, 0.0, 0.0], [1.2, 2e4, np.inf], "N")
     knots = Estimate([0.2, 0.7, 1.2], None, None, None, "m")
     draw_friction_map("m", "position_dependent_friction", "cart", {"knots": knots, "levels": levels})
     assert figures[0].axes[0].get_ylim() == (0.0, 8.0)

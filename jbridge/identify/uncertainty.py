@@ -1,5 +1,6 @@
 """How well recordings determine parameters, and what they do not determine."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -92,6 +93,8 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every parameter of a table with its 95 % interval; what was not estimated, or told by nothing, has none.
 
+    An entry of a vector that nothing tells of has an infinite standard deviation and what its bounds allow.
+
     Args:
         table: of the model.
         vector: its parameters.
@@ -101,7 +104,10 @@ def estimates(
     """
     clock = [_CLOCK * period if table.entry(int(place)).unit == "s" else 0.0 for place in free]
     wide = np.hypot(widened(np.sqrt(np.maximum(np.diag(cov), 0.0)), vector[free]), np.array(clock))
-    stds = {int(place): float(std) for place, std in zip(free, wide, strict=True)}
+    stds = {
+        int(place): math.inf if _untold(float(std), float(vector[place])) else float(std)
+        for place, std in zip(free, wide, strict=True)
+    }
     low_all, high_all = table.bounds()
     groups: dict[str, list[int]] = {}
     for entry in table.entries:
@@ -130,7 +136,7 @@ def estimates(
                 [v if x is None else x for v, x in zip(values, highs, strict=True)] if estimated else None,
                 unit,
             )
-        elif spread[0] is not None and _untold(spread[0], values[0]):
+        elif spread[0] == math.inf:
             out[group] = Estimate(values[0], None, None, None, unit)
         else:
             out[group] = Estimate(values[0], spread[0], lows[0], highs[0], unit)
@@ -152,7 +158,7 @@ def warnings(
             if entry.info.vector:
                 loose.setdefault(entry.group, []).append(i)
                 continue
-            if _untold(wide[i], vector[place]):
+            if _untold(float(wide[i]), float(vector[place])):
                 out.append(f"The recordings say nothing of {entry.name}: it stays at {vector[place]:.3g} {entry.unit}.")
                 continue
             out.append(

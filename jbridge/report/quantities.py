@@ -137,16 +137,12 @@ def shown(estimate: Estimate) -> Shown:
     return Shown(", ".join(entry.value for entry in each), UNKNOWN, each[0].unit if each else "")
 
 
-_ENDLESS = 1e20
-"""A limit beyond which an interval has none, in any unit."""
-
-
 def shown_entries(estimate: Estimate) -> list[Shown]:
     """The entries of a vector (a scalar is a vector of one), all in one unit and with the same digits."""
     values, stds = as_list(estimate.value), as_list(estimate.std)
     lows, highs = _padded(estimate.low, len(values)), _padded(estimate.high, len(values))
     scale = scale_for(estimate.unit, [*values, *lows, *highs])
-    known = [std for std in stds if std is not None and 0 < std < _ENDLESS]
+    known = [std for std in stds if std is not None and 0 < std < math.inf]
     finest = min(known) * scale.factor if known else None
     if finest is not None and len(values) > 1:
         # A curve keeps its shape even where nothing but its shape is determined.
@@ -154,7 +150,7 @@ def shown_entries(estimate: Estimate) -> list[Shown]:
         finest = min(finest, 0.1 * largest) if largest > 0 else finest
 
     def text(number: float | None) -> str:
-        if number is None or abs(number) > _ENDLESS:
+        if number is None or not math.isfinite(number):
             return UNKNOWN
         return _rounded(number * scale.factor, finest)
 

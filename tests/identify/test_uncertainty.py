@@ -1,9 +1,12 @@
 """Intervals: correlated residuals, directions that are not determined, and what is said of them."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
-from jbridge.identify.uncertainty import correlation_time, estimates, inverse_normal, warnings
+from jbridge._toml import as_value
+from jbridge.identify.uncertainty import as_uncertainty, correlation_time, estimates, inverse_normal, warnings
 from jbridge.model.parameters import ParameterTable
 from tests.problems import make_plant
 
@@ -62,6 +65,16 @@ def test_estimates_of_scalars_and_vectors():
     assert found["coulomb_friction@cart.level"].low == 0.0
     known = found["cart_mass"]
     assert (known.value, known.std, known.low, known.high) == (5.5, None, None, None)
+
+
+def test_a_level_of_which_nothing_tells_has_an_interval_without_an_end():
+    free = places("position_dependent_friction@cart.levels[1]", "position_dependent_friction@cart.levels[2]")
+    found = estimates(TABLE, VECTOR, free, np.diag([0.01, 1e200]), 0.005)
+    levels = found["position_dependent_friction@cart.levels"]
+    assert levels.std[1] == pytest.approx(0.2, abs=1e-3) and levels.std[2] == np.inf
+    assert (levels.low[2], levels.high[2]) == (0.0, np.inf)
+    kept = as_uncertainty(found)["position_dependent_friction@cart.levels"]
+    assert tomllib.loads(f"high = {as_value(kept['high'])}")["high"] == levels.high
 
 
 def test_a_time_is_known_to_a_hundredth_of_the_sampling_period_at_best():
