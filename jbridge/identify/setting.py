@@ -36,7 +36,9 @@ _PART_OF = {
 }
 """The axis that must move for a number of the bridge to matter."""
 _STEP = 0.0051
-"""Longest integration step of the rigid bridge [s]."""
+"""Longest integration step of the rigid bridge [s],"""
+_FINEST = 8
+"""and how many take its place at most."""
 _BENT = 4.0
 """Way over a presliding spring's own after which how it was bent is forgotten."""
 _TRAVEL = 0.05
@@ -56,6 +58,8 @@ class Setting:
     """Unit of each input."""
     length: float
     """Mean rope length of the recordings [m]."""
+    step: float = _STEP
+    """Longest integration step of the rigid bridge [s]."""
 
     @property
     def period(self) -> float:
@@ -100,7 +104,27 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
-    return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length)
+    gravity = float(model.plant.bridge.gravity)
+    step = min((_step_for(r, noise["psi"], gravity) for r in everything if r.psi is not None), default=_STEP)
+    return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length, step)
+
+
+def _step_for(recording: Recording, noise: float, gravity: float) -> float:
+    """A step [s] whose own error, in a free swing like the recorded one, stays below the noise of the angle [rad].
+
+    The midpoint method makes a swing of frequency `w` too slow by `(w h)^2 / 24` of it, which a fit cannot take up: a
+    long swing that is wide or quick would seem to hang on a longer rope.
+    """
+    assert recording.psi is not None
+    length = recording.locked_length if recording.l is None else float(np.min(recording.l))
+    if length is None or not length > 0.0:
+        return _STEP
+    times, size = recording.times - recording.start, recording.psi - np.mean(recording.psi)
+    # A later or earlier start takes up a part of it.
+    late = times - np.average(times, weights=size**2 + 1e-12)
+    frequency = float(np.sqrt(gravity / length))
+    slow = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) / 24.0
+    return max(min(_STEP, float(np.sqrt(noise / max(slow, 1e-12)))), _STEP / _FINEST)
 
 
 def _check_sensors(recordings: Sequence[Recording]) -> None:
@@ -230,7 +254,7 @@ def lanes_for(
     return make_batch(
         recordings,
         setting.noise,
-        step=longest_step(plant, _STEP),
+        step=longest_step(plant, setting.step),
         window=window,
         size=table.size,
         overrides=overrides(table, recordings),
