@@ -34,10 +34,10 @@ from .holdout import off_map
 from .repeats import repeating_share
 from .result import Channel
 from .revise import SUPERFLUOUS
-from .rounds import DRIFTING, QUIET, Explained, accept_effects
-from .search import BOOTSTRAP, Search, state_of
+from .rounds import DRIFTING, QUIET, Explained, accept_effects, nothing_accepted
+from .search import BOOTSTRAP, Search
+from .steps import refused_with
 from .surprise import surprise
-from .tell import refused_with
 from .trials import State, transfer
 
 _NOT_PROVEN = "does not hold on the hold-out"
@@ -232,7 +232,7 @@ def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> b
 
 def _refuted(explained: Explained, search: Search, base: BaseFit, why: str = _NOT_PROVEN) -> Explained:
     """Nothing accepted, for a reason that came to light afterwards."""
-    state = state_of(base.engine, base.free_run, base.fits, search.known)
+    state = nothing_accepted(search, base)
     refused = [*refused_with(explained.steps, why), *explained.refused]
     return Explained(state, [], nan, nan, explained.screened, refused, odd=explained.odd)
 

@@ -12,7 +12,7 @@ from .result import Continued, Former, NamedEffect
 from .revise import without
 from .search import Search
 from .separate import Contender, contender
-from .tell import Step
+from .steps import Step
 from .trials import State, Trial
 
 _MOST = 3

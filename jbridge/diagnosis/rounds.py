@@ -10,6 +10,7 @@ from ..identify.finer import fit_finely
 from ..identify.left_out import several
 from ..identify.setting import lanes_for
 from .adequacy import LARGE, LEARNABLE, channels, is_large
+from .ahead import Before, leading
 from .aside import stands_out
 from .candidates import Candidate, has_hidden_state
 from .curve import of_place_alone
@@ -18,8 +19,8 @@ from .mechanisms import mechanisms
 from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
+from .steps import HOLDS, Step, as_simplified, by_gap_closed, refused_with, renamed
 from .swaps import compare_look_alikes
-from .tell import HOLDS, Step, refused_with
 from .ties import look_alikes, ties
 from .trials import State, Trial, accepts, as_trial, explained, floor_of, held
 
@@ -71,6 +72,15 @@ class Explained:
     """The recording that was met far worse than all others at last, before later acceptances made up for it."""
 
 
+def nothing_accepted(search: Search, base: BaseFit) -> State:
+    """The model as given, on the lanes that are compared."""
+    if search.window is None:
+        return state_of(base.engine, base.free_run, base.fits, search.known)
+    start = base.engine.table.unravel(base.window_vector)
+    guess = lanes_for(base.engine.table, start, search.setting, search.setting.recordings, search.window).initial
+    return search.polish(start, search.known, guess, ())
+
+
 def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explained | None = None) -> Explained:
     """Accepts one explanation after the other.
 
@@ -80,12 +90,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         mismatch: whether there is anything to explain.
         begin: what was accepted already; then a further explanation is looked for first, if there may be one.
     """
-    known = search.known
-    state = state_of(base.engine, base.free_run, base.fits, known)
-    if search.window is not None:
-        start = base.engine.table.unravel(base.window_vector)
-        guess = lanes_for(base.engine.table, start, search.setting, search.setting.recordings, search.window).initial
-        state = search.polish(start, known, guess, ())
+    state = nothing_accepted(search, base)
     first = state, search.window
     steps: list[Step] = []
     if not mismatch:
@@ -94,6 +99,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     if begin is not None:
         state, steps, learnable = begin.state, list(begin.steps), begin.learnable
     screened, left = None, []
+    before: Before | None = None
     odd = _odd_one(search, state) if begin is None else begin.odd
     for _ in range(len(steps), MOST_EFFECTS):
         if len(steps) >= _KEPT:
@@ -119,21 +125,36 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
                     trials += mechanisms(search, state, alike)
             trials.sort(key=lambda t: t.score)
             reasons, passed = _judged(state, trials, least, gain, little)
-        if not passed:
+        floor = floor_of(trials)
+        if before is not None:
+            passed = [trial for trial in passed if before.holds(trial, least, floor)]
+        if passed:
+            chosen, start = passed[0], state
+            if before is not None:
+                start, before = before.state, None
+            if not start.accepted and several(state.batch):
+                learnable = max(learnable, min(held(start, chosen, floor), 1.0))
+        else:
             left = [(t, reasons[t.candidate.name]) for t in trials]
-            break
-        chosen = passed[0]
-        if not steps and several(state.batch):
-            learnable = max(learnable, min(held(state, chosen, floor_of(trials)), 1.0))
-        search.progress(f"found {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}")
+            lead = None if little or before is not None else leading(state, trials, reasons)
+            if lead is None:
+                break
+            before = Before(state, tuple(steps), screened, after, left)
+            chosen, reasons = lead, reasons | {lead.candidate.name: ""}
+        said = "found" if before is None else "looking further beside"
+        search.progress(
+            f"{said} {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}"
+        )
         state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
         number = 1 + max((step.number for step in steps), default=0)
         steps.append(Step(number, chosen, trials, {name: why for name, why in reasons.items() if why}))
         state = simplify(search, state)
         if state.worst > LARGE:
             state = finer(search, state)
-        steps[-1] = _as_simplified(steps[-1], state)
+        steps[-1] = as_simplified(steps[-1], state)
         after = nan
+        if before is not None:
+            continue  # on the same lanes, on which both must hold
         if search.window is not None:
             state = _back_to_free_runs(search, state)
         if len(steps) > 1 and chosen.candidate.unscreened:
@@ -144,14 +165,17 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
             break
     else:
         after = learnable
+    if before is not None:
+        state, steps, screened = before.state, list(before.steps), before.screened
+        after, left = before.learnable_after, before.refused
     if len(steps) > 1:
         # Beside the others a law of friction may have become simpler than it was when it was accepted.
         for place, old in enumerate(state.accepted):
             state = simplify(search, state, place)
-            steps = [_renamed(step, old, state.accepted[place]) for step in steps]
+            steps = [renamed(step, old, state.accepted[place]) for step in steps]
         state = prune(search, state)
         state, steps = compare_look_alikes(search, state, steps)
-        steps = _by_gap_closed(steps, state)
+        steps = by_gap_closed(steps, state)
     for place in range(len(state.accepted)):
         # The error of too coarse a map is seen best when the rest is explained.
         resolved = finer(search, state, place) if state.chi > CLOSE else state
@@ -233,35 +257,6 @@ def _judged(
             if explained(state, t, floor) < NEARLY_ALL:
                 reasons[t.candidate.name] = reasons[t.candidate.name] or "explains a part only"
     return reasons, [t for t in trials if not reasons[t.candidate.name]]
-
-
-def _as_simplified(step: Step, state: State) -> Step:
-    """The step with the law that was accepted in the end, with its fit in place of the refit that stopped short."""
-    final = state.accepted[-1]
-    if final.name == step.chosen.candidate.name:
-        return step
-    simple = as_trial(state, final, step.chosen.z)
-    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
-    refused = {name: why for name, why in step.refused.items() if name != final.name}
-    refused[step.chosen.candidate.name] = "a simpler law explains as much"
-    return Step(step.number, simple, trials, refused)
-
-
-def _renamed(step: Step, old: Candidate, final: Candidate) -> Step:
-    """The step with a simpler law in place of the one that it chose, weighed as that was."""
-    if step.chosen.candidate.name != old.name or final.name == old.name:
-        return step
-    simple = dataclasses.replace(step.chosen, candidate=final)
-    trials = [simple, *(trial for trial in step.trials if trial.candidate.name != final.name)]
-    refused = {name: why for name, why in step.refused.items() if name != final.name}
-    return Step(step.number, simple, trials, refused | {old.name: "a simpler law explains as much"})
-
-
-def _by_gap_closed(steps: list[Step], state: State) -> list[Step]:
-    """Steps whose effects were kept, first that without which the model would be worst."""
-    kept = {candidate.name for candidate in state.accepted}
-    left = [step for step in steps if step.chosen.candidate.name in kept]
-    return sorted(left, key=lambda step: -state.without.get(step.chosen.candidate.name, 0.0))
 
 
 def _alone(

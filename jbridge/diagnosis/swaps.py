@@ -10,7 +10,7 @@ from .candidates import Candidate, has_hidden_state
 from .mechanisms import mechanisms
 from .revise import without
 from .search import Search
-from .tell import HOLDS, Step
+from .steps import HOLDS, Step
 from .ties import look_alikes
 from .trials import State, Trial, accepts, as_trial, floor_of
 

@@ -1,6 +1,5 @@
 """From the search's steps to what the report tells: named effects with rivals, the place, and every trial."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -17,11 +16,11 @@ from ..model.effects.base import AXIS_OF_SITE
 from ..model.parameters import ParameterTable
 from .candidates import SITE_OF_NUMBER, WRONG_VALUE
 from .describe import describe
-from .levels import simpler_laws
 from .locate import equation_of, intervals, regions, times_of
 from .missing import force_along, leading_site, tracks_of
 from .result import Location, MissingForce, NamedEffect, Rival
 from .screen import Screen
+from .steps import Step, weights_of
 from .trials import EFFECTIVE, Trial
 from .words import effect_sentence
 
@@ -31,31 +30,6 @@ _SAME = 1.01
 """Cost, relative to the winner's, up to which an explanation is as good."""
 _MORE = 2
 """Further numbers that such an explanation may have."""
-HOLDS = 0.1
-"""Least share of the excess over noise that an effect must remove from recordings left out."""
-
-
-@dataclasses.dataclass
-class Step:
-    """One acceptance: what was chosen, and from which trials."""
-
-    number: int
-    """Round of the search, from 1."""
-    chosen: Trial
-    trials: list[Trial]
-    refused: dict[tuple[str, str], str]
-    """Why explanations did not pass."""
-
-    @property
-    def passed(self) -> list[Trial]:
-        """What could be it. A law that contains one of the others and needs more numbers for no gain is left out."""
-        found = [trial for trial in self.trials if trial.candidate.name not in self.refused]
-        return [
-            trial
-            for trial in found
-            if trial is self.chosen
-            or not any(other.score < trial.score and _contains(trial, other.candidate.name) for other in found)
-        ]
 
 
 def _as_good(trial: Trial, chosen: Trial) -> bool:
@@ -63,25 +37,11 @@ def _as_good(trial: Trial, chosen: Trial) -> bool:
     return trial.cost <= _SAME * chosen.cost and trial.extra <= chosen.extra + _MORE
 
 
-def _contains(trial: Trial, name: tuple[str, str]) -> bool:
-    """Whether a refitted law is another one with more to it."""
-    kind, site = name
-    own = [e for e in trial.plant.effects if (e.kind, e.site) == trial.candidate.name]
-    return trial.candidate.site == site and any(kind == simple for e in own for simple, _ in simpler_laws(e))
-
-
-def _weights(step: Step) -> dict[tuple[str, str], float]:
-    """Probability of every explanation of a step that passed."""
-    scores = np.array([t.score for t in step.passed])
-    odds = np.exp(-0.5 * (scores - scores.min()))
-    return {t.candidate.name: float(o / odds.sum()) for t, o in zip(step.passed, odds, strict=True)}
-
-
 def named_of(steps: list[Step], setting: Setting, values: dict[str, Estimate]) -> tuple[NamedEffect, ...]:
     out = []
     for step in steps:
         kind, site = step.chosen.candidate.name
-        weights = _weights(step)
+        weights = weights_of(step)
         own = weights[(kind, site)]
         parameters = {"value": values[site]} if kind == WRONG_VALUE else parameters_of(kind, site, values)
         rivals: list[Rival] = []
@@ -154,7 +114,7 @@ def location_of(
         return Location(None, "none", {}, (), ())
     sites: dict[str, float] = {}
     if steps:
-        for (kind, site), weight in _weights(steps[0]).items():
+        for (kind, site), weight in weights_of(steps[0]).items():
             place = SITE_OF_NUMBER.get(site, site)
             sites[place] = sites.get(place, 0.0) + weight
     else:
@@ -214,12 +174,3 @@ def trials_of(steps: list[Step], refused: Sequence[tuple[Trial, str]]) -> tuple[
     rounds = max((step.number for step in steps), default=0) + 1
     rows += [row(rounds, trial, why) for trial, why in refused]
     return tuple(rows)
-
-
-def refused_with(steps: Sequence[Step], why: str) -> list[tuple[Trial, str]]:
-    """The trials of rounds whose choice does not stand, for a reason, and why each was not taken."""
-    return [
-        (trial, why if trial is step.chosen else step.refused.get(trial.candidate.name, "") or "explains less")
-        for step in steps
-        for trial in step.trials
-    ]

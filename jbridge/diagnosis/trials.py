@@ -26,6 +26,7 @@ _LATER_GAIN = 0.25
 _BELIEVED = 4.0
 """Factor by which a number that its owner knows may be wrong. Beyond it stands for something else: a lag of the winch's
 drive, say, for a winch that is ten times as heavy."""
+NOT_HELD = "does not hold on recordings left out"
 _SIGNIFICANT = 4.0
 """Least distance of a parameter from its null value, in standard deviations."""
 
@@ -75,12 +76,15 @@ class Trial(Fitted):
     """Distance of its strongest parameter from its null value, in standard deviations."""
     extra: int
     """Number of its parameters."""
+    stands_for: float = np.inf
+    """Cost of the law with more parameters in whose place it is, since it holds as well on recordings left out."""
 
     @property
     def score(self) -> float:
         """Bayesian information criterion with an effective sample size; smaller is better."""
         count = min(EFFECTIVE, float(measurements(self.batch)))
-        return count * float(np.log(max(self.cost, 1e-9))) + self.extra * float(np.log(count))
+        cost = min(self.cost, self.stands_for)
+        return count * float(np.log(max(cost, 1e-9))) + self.extra * float(np.log(count))
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -192,7 +196,7 @@ def accepts(state: State, trial: Trial, least: float, gain: float, floor: float)
     if not trial.cost < state.cost * (1 - gain):
         return "gains too little"
     if held(state, trial, floor) < least:
-        return "does not hold on recordings left out"
+        return NOT_HELD
     if trial.z < _SIGNIFICANT:
         return "its interval includes its absence"
     return beyond_belief(trial.candidate, state.plant, trial.plant)

@@ -12,7 +12,7 @@ from jbridge import diagnose
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.contend import continued, explanations, nearest
 from jbridge.diagnosis.result import Former, NamedEffect, Rival
-from jbridge.diagnosis.tell import Step
+from jbridge.diagnosis.steps import Step, as_simplified, weights_of
 from jbridge.diagnosis.trials import State, Trial
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
@@ -96,6 +96,21 @@ def test_a_law_that_contains_the_chosen_one_is_no_rival():
     assert Step(1, tilt, [dry, drift, tilt], {}).passed == [dry, tilt]
     assert Step(1, drift, [dry, drift, tilt], {}).passed == [dry, drift, tilt]
     assert Step(1, dry, [dry, drift, tilt], {tilt.candidate.name: "gains too little"}).passed == [dry]
+
+
+def test_a_simpler_law_weighs_as_the_one_in_whose_place_it_is():
+    """It holds as well on recordings left out, where the other one's further numbers do not repeat."""
+    places = {"knots": [0.2, 0.8], "levels": [2.0, 4.0]}
+    found = trial("position_dependent_friction", places, 2)
+    drift = dataclasses.replace(trial("friction_drift", {"level": 3.0, "rate": 0.0}, 2), cost=130.0)
+    tilt = dataclasses.replace(trial("constant_force", {"level": 3.0}, 1), cost=140.0)
+    dry = dataclasses.replace(trial("coulomb_friction", {"level": 3.0}, 1), cost=150.0)
+    state = State(**dry.shared(), accepted=(dry.candidate,))
+    step = as_simplified(Step(1, found, [found, drift, tilt, dry], {}), state)
+    weights = weights_of(step)
+    assert step.chosen.cost == 150.0 and step.chosen.candidate == dry.candidate
+    # The map and the drift contain it, and what is left are two things that it could be.
+    assert set(weights) == {NAMES["dry"], NAMES["tilt"]} and weights[NAMES["dry"]] > 0.999
 
 
 def test_of_what_has_no_name_the_nearest_explanations_contend():

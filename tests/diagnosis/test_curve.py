@@ -12,7 +12,7 @@ from jbridge.diagnosis.curve import force_without_a_name, of_place_alone
 from jbridge.diagnosis.judge import settle
 from jbridge.diagnosis.rounds import Explained, accept_effects
 from jbridge.diagnosis.search import Search, state_of
-from jbridge.diagnosis.tell import Step
+from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.trials import as_trial
 from jbridge.identify.base import base_fit
 from jbridge.identify.linearise import Engine

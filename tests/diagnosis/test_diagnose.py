@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from jbridge import diagnose
-from jbridge.diagnosis.attempt import as_good
+from jbridge.diagnosis.attempt import _refuted, as_good
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.holdout import split_off
 from jbridge.diagnosis.rounds import Explained
 from jbridge.diagnosis.screen import Screen, Screened
 from jbridge.diagnosis.search import Search, state_of
-from jbridge.diagnosis.tell import Step
+from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.trials import State
 from jbridge.identify.base import base_fit, columns_for
 from jbridge.identify.setting import make_setting
@@ -182,3 +182,16 @@ def test_a_better_start_is_no_missing_physics():
         found = as_good(base, told)
         assert (found is not None) == better
         assert found is None or found.chi < 1.01 * good.chi
+
+
+def test_what_is_withdrawn_leaves_the_model_as_given_on_the_lanes_that_are_compared():
+    """A curve is then fitted beside it on the same lanes."""
+    own, runs = model(), rig()
+    setting = make_setting(own, runs, ())
+    base = base_fit(own.plant, own.known, setting)
+    whole = state_of(base.engine, base.free_run, base.fits, own.known)
+    for window, lanes in ((2.0, base.windows), (None, base.free_run)):
+        search = Search(own.plant, own.known, setting, window)
+        found = _refuted(Explained(whole, [], 0.5, 0.0, None, []), search, base)
+        assert found.state.batch.count == lanes.count and not found.steps
+        assert found.state.chi < 1.2

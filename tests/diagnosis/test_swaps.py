@@ -5,8 +5,8 @@ import pytest
 from jbridge.diagnosis import ties
 from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.search import Search
+from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.swaps import compare_look_alikes
-from jbridge.diagnosis.tell import Step
 from jbridge.diagnosis.trials import as_trial
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.setting import make_setting
