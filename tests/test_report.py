@@ -26,6 +26,7 @@ VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
     "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
     "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued", "missing_force",
+    "holdout", "aside",
 }  # fmt: skip
 HOSTILE = '<script>alert("&")</script>.csv'
 
@@ -100,6 +101,9 @@ def test_report_keeps_numbers_in_si():
 
 def test_unknown_numbers_are_null():
     report = parsed(report_json(cases.adequate()))
+    assert report["aside"] is None
+    odd = dataclasses.replace(cases.missing_physics(), aside="odd.csv")
+    assert parsed(report_json(odd))["aside"] == "odd.csv"
     assert report["location"]["site"] is None
     assert report["adequacy"]["learnable"] == {"before": None, "after": None}
     assert report["adequacy"]["channels"]["psi"]["ratio"] is None  # its noise is zero

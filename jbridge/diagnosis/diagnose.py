@@ -195,6 +195,7 @@ def _without_what_happened_once(
         statement=f"{'More may be missing than has a name. ' if open_ else ''}{found.statement} {told}",
         location=dataclasses.replace(found.location, when=(*found.location.when, happened.when)),
         traces=(*found.traces, *traces(before, after, [odd], "aside")),
+        aside=odd.name,
     )
 
 

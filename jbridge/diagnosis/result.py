@@ -228,3 +228,5 @@ class Diagnosis:
     notes: tuple[str, ...]
     settings: Mapping[str, object]
     seconds: float
+    aside: str | None = None
+    """A recording that was set aside, since something happened in it once; `location.when` has the time."""

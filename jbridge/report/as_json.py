@@ -34,6 +34,7 @@ def report_json(diagnosis: Diagnosis) -> str:
             "continued": None if diagnosis.continued is None else dataclasses.asdict(diagnosis.continued),
             "bridge": _estimates(diagnosis.bridge),
             "holdout": diagnosis.holdout,
+            "aside": diagnosis.aside,
             "trials": diagnosis.trials,
             "warnings": diagnosis.warnings,
             "notes": diagnosis.notes,

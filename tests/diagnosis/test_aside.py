@@ -109,7 +109,7 @@ def test_others_are_asked_alone_where_one_spoils_a_law():
     told = diagnose(cart_model(DRY, cart_damping=25.0), runs[:5], runs[5:])
     assert told.verdict == "missing_physics" and len(told.effects) == 1
     assert tilt[:2] in {(e.kind, e.site) for e in (told.effects[0], *told.effects[0].equivalents)}
-    assert f"{runs[2].name} was set aside" in told.statement
+    assert f"{runs[2].name} was set aside" in told.statement and told.aside == runs[2].name
     odd = [trace for trace in told.traces if trace.role == "aside"]
     assert [trace.recording for trace in odd] == [runs[2].name] and runs[2].name not in told.holdout
     assert [i.start for i in told.location.when if i.recording == runs[2].name] == [pytest.approx(3.3, abs=0.02)]
