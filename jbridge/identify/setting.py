@@ -104,12 +104,11 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
-    gravity = float(model.plant.bridge.gravity)
-    step = min((_step_for(r, noise["psi"], gravity) for r in everything if r.psi is not None), default=_STEP)
+    step = min((_step_for(r, noise["psi"], model.plant) for r in everything if r.psi is not None), default=_STEP)
     return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length, step)
 
 
-def _step_for(recording: Recording, noise: float, gravity: float) -> float:
+def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
     """A step [s] whose own error, in a free swing like the recorded one, stays below the noise of the angle [rad].
 
     The midpoint method makes a swing of frequency `w` too slow by `(w h)^2 / 24` of it, which a fit cannot take up: a
@@ -122,7 +121,10 @@ def _step_for(recording: Recording, noise: float, gravity: float) -> float:
     times, size = recording.times - recording.start, recording.psi - np.mean(recording.psi)
     # A later or earlier start takes up a part of it.
     late = times - np.average(times, weights=size**2 + 1e-12)
-    frequency = float(np.sqrt(gravity / length))
+    bridge = plant.bridge
+    # A light cart is swung by its load.
+    share = float(bridge.load_mass / bridge.cart_mass) if recording.has_cart else 0.0
+    frequency = float(np.sqrt(bridge.gravity / length * (1.0 + share)))
     slow = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) / 24.0
     return max(min(_STEP, float(np.sqrt(noise / max(slow, 1e-12)))), _STEP / _FINEST)
 
