@@ -1,13 +1,15 @@
 """Friction beside friction: the level common to both is counted once, with the plain Coulomb friction."""
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..model.effects.base import AbstractEffect
+from ..model.effects.base import AbstractEffect, parameters_of
 from ..model.effects.friction import (
+    CoulombFriction,
     DirectionDependentFriction,
     FrictionDrift,
     PositionDependentFriction,
@@ -23,6 +25,8 @@ ADDED_LEVELS = {
     "stribeck_friction": ("level",),
 }
 """Levels of which, beside a Coulomb friction, the smallest stands at zero."""
+_ABOVE = {"stribeck_friction": ("breakaway",)}
+"""What else is counted from the same zero."""
 
 
 def anchored(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -50,11 +54,25 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
             except KeyError:
                 continue
             common = float(vector[places].min())
-            if kind == "stribeck_friction":
-                places = [*places, *table.positions(f"{kind}@{site}.breakaway")]
+            places = [*places, *(p for key in _ABOVE.get(kind, ()) for p in table.positions(f"{kind}@{site}.{key}"))]
             vector[places] -= common
             vector[plain] += common
     return vector
+
+
+def taking_over(effects: Sequence[AbstractEffect], gone: AbstractEffect) -> tuple[AbstractEffect, ...]:
+    """The effects without one of them; the level of a Coulomb friction goes to another law on its axis."""
+    rest = [effect for effect in effects if effect is not gone]
+    if not isinstance(gone, CoulombFriction):
+        return tuple(rest)
+    for place, effect in enumerate(rest):
+        keys = ADDED_LEVELS.get(effect.kind, ())
+        if keys and effect.site == gone.site:
+            infos = parameters_of(type(effect))
+            names = [infos[key].name for key in (*keys, *_ABOVE.get(effect.kind, ()))]
+            rest[place] = dataclasses.replace(effect, **{name: getattr(effect, name) + gone.level for name in names})
+            break
+    return tuple(rest)
 
 
 def on_even_knots(

@@ -8,7 +8,7 @@ from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
-from .levels import ADDED_LEVELS, on_even_knots, simpler_laws
+from .levels import ADDED_LEVELS, on_even_knots, simpler_laws, taking_over
 from .search import Search, left_out_at_best, settled
 from .trials import State
 
@@ -126,5 +126,7 @@ def without(search: Search, state: State, candidate: Candidate) -> tuple[Plant, 
         given = getattr(search.given.bridge, candidate.site)
         bridge = dataclasses.replace(state.plant.bridge, **{candidate.site: given})
         return Plant(bridge, state.plant.effects), state.known | {candidate.site}
-    rest = tuple(e for e in state.plant.effects if (e.kind, e.site) != candidate.name)
-    return Plant(state.plant.bridge, rest), state.known
+    gone = next((e for e in reversed(state.plant.effects) if (e.kind, e.site) == candidate.name), None)
+    if gone is None:
+        return state.plant, state.known
+    return Plant(state.plant.bridge, taking_over(state.plant.effects, gone)), state.known

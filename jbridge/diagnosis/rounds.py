@@ -136,7 +136,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
                 learnable = max(learnable, min(held(start, chosen, floor), 1.0))
         else:
             left = [(t, reasons[t.candidate.name]) for t in trials]
-            lead = None if little or before is not None else leading(state, trials, reasons)
+            lead = None if before is not None or state.worst < LARGE else leading(state, trials, reasons)
             if lead is None:
                 break
             before = Before(state, tuple(steps), screened, after, left)

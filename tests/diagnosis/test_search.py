@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws
+from jbridge.diagnosis.levels import anchored, settle_levels, simpler_laws, taking_over
 from jbridge.diagnosis.mechanisms import stiffer, worst_met
 from jbridge.diagnosis.screen import Screened
 from jbridge.diagnosis.shortlist import with_simpler
@@ -17,6 +17,7 @@ from jbridge.identify.lanes import make_batch
 from jbridge.identify.left_out import cross_validated, smoothness
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.parameters import ParameterTable
+from jbridge.model.plant import Plant
 from jbridge.rollout import RK4
 from tests.identify.cases import NOISE, make_recording, steps
 from tests.problems import CART_ALONE, make_lane, make_plant, make_state, paths, simulate
@@ -245,3 +246,19 @@ def test_a_known_number_is_wrong_by_a_factor_of_four_at_most(kind, site, times, 
     heavier = dataclasses.replace(given.bridge, winch_mass=given.bridge.winch_mass * times)
     said = beyond_belief(Candidate(kind, site, {}, (), False), given, dataclasses.replace(given, bridge=heavier))
     assert (said == "") == believed and (believed or f"{times:.2g} times" in said)
+
+
+@pytest.mark.parametrize("kind", sorted(ADDED))
+def test_a_law_takes_over_the_level_of_the_plain_friction_that_is_taken_away(kind):
+    plain, other = (
+        make_plant(COULOMB, (kind, "cart", ADDED[kind])),
+        make_effect("coulomb_friction", "hoist", {"level": 0.5}),
+    )
+    alone = Plant(plain.bridge, taking_over(plain.effects, plain.effects[0]))
+    assert [effect.kind for effect in alone.effects] == [kind]
+    lane = make_lane(np.stack([steps(200, 1), np.zeros(200)], axis=1), active=CART_ALONE)
+    before, after = (simulate(plant, make_state(0.6), lane, substeps=2, method=RK4) for plant in (plain, alone))
+    np.testing.assert_allclose(after.q.x, before.q.x, atol=1e-9)
+    assert np.ptp(before.q.x) > 0.01
+    # Of another axis nothing is taken over.
+    assert taking_over((other, *alone.effects), other) == alone.effects
