@@ -149,8 +149,11 @@ def attempt(
         explained, completed = _refuted(explained, search, base, "what it explains does not repeat"), None
         learnable_after, left_repeats = learnable, repeating
     elif steps and large and _helps_nowhere(base, explained, completed, setting, search.window is not None):
+        # That it held on recordings left out is no proof any more that something repeats.
+        foreseen, unnamed = _foreseen(base, setting, badly), explained.unnamed
+        learnable, alarm = max(np.nan_to_num(unnamed), foreseen), bool(unnamed >= LEARNABLE or foreseen >= FORESEEN)
         explained, completed = _refuted(explained, search, base), None
-        learnable_after, left_repeats = learnable, repeating
+        learnable_after, left_repeats = learnable, alarm
     return Attempt(
         base,
         search,

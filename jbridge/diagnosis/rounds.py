@@ -68,6 +68,8 @@ class Explained:
     """The trials of that round, or of one whose choice was withdrawn, and why each did not pass."""
     curve: State | None = None
     """The model with a force that hangs on the place alone, where a map of friction would have played it."""
+    unnamed: float = nan
+    """`learnable` as a force without a name has it, which does not rest on what was accepted."""
     odd: int | None = None
     """The recording that was met far worse than all others at last, before later acceptances made up for it."""
 
@@ -95,9 +97,9 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
     steps: list[Step] = []
     if not mismatch:
         return Explained(state, steps, nan, nan, None, [])
-    learnable, after = 0.0, 0.0
+    learnable, unnamed, after = 0.0, 0.0, 0.0
     if begin is not None:
-        state, steps, learnable = begin.state, list(begin.steps), begin.learnable
+        state, steps, learnable, unnamed = begin.state, list(begin.steps), begin.learnable, begin.unnamed
     screened, left = None, []
     before: Before | None = None
     odd = _odd_one(search, state) if begin is None else begin.odd
@@ -108,7 +110,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         screened, trials = _weigh(search, state)
         after = screened.learnable
         if not steps:
-            learnable = screened.learnable
+            learnable = unnamed = screened.learnable
         # What a linear screen could not foresee must prove itself the more by simulation.
         least = HOLDS if after >= LEARNABLE else LEARNABLE
         if state.worst < LARGE:
@@ -184,7 +186,7 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         # Parameters are sharpest, and errors are reported, on whole recordings.
         state = _back_to_free_runs(search, state)
     state = search.smooth(state)
-    done = Explained(state, steps, learnable, after, screened, left, odd=odd)
+    done = Explained(state, steps, learnable, after, screened, left, unnamed=unnamed, odd=odd)
     for candidate in state.accepted:
         alone = of_place_alone(search, state, candidate)
         if alone is not None:
@@ -225,7 +227,9 @@ def _without_friction(search: Search, done: Explained, friction: Candidate, bare
     share = held(bare, as_trial(curved, friction, gone.chosen.z), floor_of([gone.chosen]))
     after = max(screened.learnable, min(share, 1.0))
     refused = refused_with([gone], "a force of the place alone does as well")
-    return Explained(bare, steps, done.learnable, after, screened, refused, curved, done.odd)
+    return dataclasses.replace(
+        done, state=bare, steps=steps, learnable_after=after, screened=screened, refused=refused, curve=curved
+    )
 
 
 def _odd_one(search: Search, state: State) -> int | None:
