@@ -33,12 +33,12 @@ from .freeze import Frozen, freeze, last_fit
 from .holdout import off_map
 from .repeats import repeating_share
 from .result import Channel
-from .revise import SUPERFLUOUS
+from .revise import SUPERFLUOUS, fitted_without
 from .rounds import DRIFTING, QUIET, Explained, accept_effects, nothing_accepted
 from .search import BOOTSTRAP, Search
 from .steps import refused_with
 from .surprise import surprise
-from .trials import State, transfer
+from .trials import FAR_FROM_NULL, State, significance_of, transfer
 
 _NOT_PROVEN = "does not hold on the hold-out"
 
@@ -120,6 +120,7 @@ def attempt(
     if explained.steps and (given is not None or (search.window is None and explained.state.worst <= LARGE)):
         tell("fitting once more, with finer steps")
         completed = freeze(fit_finely(last_fit(explained.state)), setting, base)
+        explained, completed = _less_what_vanished(search, base, explained, completed)
         if given is not None and not _closes(given, completed, setting, base):
             explained, completed = _refuted(explained, search, base), None
         elif surprise(completed.fit, completed.holdout) is not None:
@@ -224,6 +225,30 @@ def _gone_on(
     return dataclasses.replace(
         explained, screened=more.screened, refused=[*refused_with(new, _NOT_PROVEN), *more.refused]
     ), completed
+
+
+def _less_what_vanished(
+    search: Search, base: BaseFit, explained: Explained, completed: Frozen
+) -> tuple[Explained, Frozen]:
+    """Without names that took up no more than the engine's own error: with finer steps nothing of them is left."""
+    for step in explained.steps[::-1]:
+        fit, named = completed.fit, {candidate.name: candidate for candidate in explained.state.accepted}
+        vain = named.get(step.chosen.candidate.name)
+        if len(named) < 2 or not fit.finer or vain is None:
+            continue
+        mine = np.flatnonzero(np.isin(fit.free, vain.places(fit.engine.table, vain.sizes))).tolist()
+        given = transfer(base.engine.table, base.vector, fit.engine.table, fit.vector)
+        weighed = (fit.gram.products[0], fit.free, fit.columns, fit.initial, fit.batch, fit.vector, mine, fit.cost)
+        if significance_of(*weighed, fit.engine.table, given) >= FAR_FROM_NULL:
+            continue
+        state = fitted_without(search, explained.state, vain)
+        fewer = fit_finely(last_fit(state), LARGE * LARGE)
+        if fewer.cost <= fit.cost * (1 + SUPERFLUOUS):
+            refused = [*refused_with([step], "is gone with finer steps"), *explained.refused]
+            steps = [other for other in explained.steps if other is not step]
+            explained = dataclasses.replace(explained, state=state, steps=steps, refused=refused)
+            completed = freeze(fewer, search.setting, base)
+    return explained, completed
 
 
 def _closes(before: Frozen, after: Frozen, setting: Setting, base: BaseFit) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.setting import Setting
-from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of
+from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of, parameters_of
 from ..model.effects.catalogue import CATALOGUE, UNNAMED
 from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
@@ -49,6 +49,14 @@ class Candidate:
     @property
     def name(self) -> tuple[str, str]:
         return self.kind, self.site
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Keys that say how large it is; not when, where or how fast."""
+        if not self.linear or self.kind == WRONG_VALUE:
+            return self.free
+        infos = parameters_of(CATALOGUE[self.kind])
+        return tuple(key for key in self.linear if key == self.linear[0] or infos[key].vector)
 
     @property
     def unscreened(self) -> bool:

@@ -107,17 +107,25 @@ def prune(search: Search, state: State) -> State:
     for candidate in reversed(state.accepted):
         if len(state.accepted) == 1:
             break
-        search.progress(f"trying without {candidate.kind.replace('_', ' ')}")
-        plant, known = without(search, state, candidate)
-        kept = tuple(a for a in state.accepted if a is not candidate)
-        fewer = search.polish(plant, known, state.initial, kept)
+        fewer = fitted_without(search, state, candidate)
         # What the hold-out asked for may gain less than is superfluous otherwise: the hold-out decides.
         least = min(SUPERFLUOUS, search.least_gain(fewer))
         if fewer.cost < state.cost * (1 + least):
-            state = fewer
+            state, costs = fewer, {}  # what was dropped may have stood in for others
         else:
             costs[candidate.name] = fewer.cost
+    for candidate in state.accepted if len(state.accepted) > 1 else ():
+        if candidate.name not in costs:
+            costs[candidate.name] = fitted_without(search, state, candidate).cost
     return dataclasses.replace(state, without=costs)
+
+
+def fitted_without(search: Search, state: State, candidate: Candidate) -> State:
+    """The state fitted anew without an accepted explanation."""
+    search.progress(f"trying without {candidate.kind.replace('_', ' ')}")
+    plant, known = without(search, state, candidate)
+    kept = tuple(a for a in state.accepted if a is not candidate)
+    return search.polish(plant, known, state.initial, kept)
 
 
 def without(search: Search, state: State, candidate: Candidate) -> tuple[Plant, frozenset[str]]:

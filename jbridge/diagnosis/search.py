@@ -265,7 +265,8 @@ class Search:
         plant = _with_candidate(state, candidate, engine.table, fits.vectors[k])
         cost = float(fits.cost[k]) if ran else np.inf
         given = transfer(state.engine.table, state.vector, engine.table, fits.vectors[k])
-        weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], base, cost, engine.table, given)
+        mine = np.flatnonzero(np.isin(free, candidate.places(engine.table, candidate.sizes))).tolist()
+        weighed = (products, free, width, fits.initial[k], batch, fits.vectors[k], mine, cost, engine.table, given)
         z = significance_of(*weighed) if ran else 0.0
         return Trial(
             plant=plant,

@@ -27,7 +27,7 @@ _BELIEVED = 4.0
 """Factor by which a number that its owner knows may be wrong. Beyond it stands for something else: a lag of the winch's
 drive, say, for a winch that is ten times as heavy."""
 NOT_HELD = "does not hold on recordings left out"
-_SIGNIFICANT = 4.0
+FAR_FROM_NULL = 4.0
 """Least distance of a parameter from its null value, in standard deviations."""
 
 
@@ -73,7 +73,7 @@ class Trial(Fitted):
 
     candidate: Candidate
     z: float
-    """Distance of its strongest parameter from its null value, in standard deviations."""
+    """Distance of the strongest number that says how large it is from its null value, in standard deviations."""
     extra: int
     """Number of its parameters."""
     stands_for: float = np.inf
@@ -125,22 +125,22 @@ def significance_of(
     initial: NDArray[np.float64],
     batch: Batch,
     vector: NDArray[np.float64],
-    base: int,
+    mine: Sequence[int],
     cost: float,
     table: ParameterTable,
     given: NDArray[np.float64],
 ) -> float:
-    """How far the candidate's strongest parameter stands from its null value, in standard deviations.
+    """How far the strongest of an explanation's numbers stands from its null value, in standard deviations.
 
     The entries of a vector count together: one by one they are hardly determined where they share a level with a plain
-    friction, but their shape may be.
+    friction, but their shape may be. `mine` are the numbers' places among the free ones.
     """
     reduced = reduce(products, len(free), width, initial, batch.initial, batch.prior)
     size = max(cost / max(measurements(batch), 1), 1.0)
     covariance = inverse_normal(reduced.matrix) * size
     groups: dict[str, list[int]] = {}
     best = 0.0
-    for j in range(base, len(free)):
+    for j in mine:
         entry = table.entry(int(free[j]))
         std = float(np.sqrt(max(covariance[j, j], 1e-300)))
         # A number of the bridge that counted as known may be wrong: its null value is what its owner wrote.
@@ -197,7 +197,7 @@ def accepts(state: State, trial: Trial, least: float, gain: float, floor: float)
         return "gains too little"
     if held(state, trial, floor) < least:
         return NOT_HELD
-    if trial.z < _SIGNIFICANT:
+    if trial.z < FAR_FROM_NULL:
         return "its interval includes its absence"
     return beyond_belief(trial.candidate, state.plant, trial.plant)
 

@@ -83,12 +83,13 @@ def less_own_error(
     return dataclasses.replace(batch, lanes=eqx.tree_at(lambda lanes: lanes.y, batch.lanes, y)), fine
 
 
-def fit_finely(fitted: LastFit) -> LastFit:
+def fit_finely(fitted: LastFit, close: float = _CLOSE) -> LastFit:
     """What a fit with finer steps would give.
 
-    `fitted` itself where it leaves much more than noise, or where the difference is no small correction.
+    `fitted` itself where it leaves much more than noise (`close` times it), or where the difference is no small
+    correction.
     """
-    if not max(channel_errors(fitted.batch, fitted.gram.predicted[0], over_noise=True).values()) <= _CLOSE:
+    if not max(channel_errors(fitted.batch, fitted.gram.predicted[0], over_noise=True).values()) <= close:
         return fitted
     now = fitted
     for _ in range(_ROUNDS):

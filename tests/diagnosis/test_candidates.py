@@ -109,3 +109,19 @@ def test_one_seed_leaves_every_effect_one_place_to_start():
     assert len(choices) == len(set(choices)) < len(all_seeds)
     assert {c.name for c in alone} == {c.name for c in all_seeds}
     assert {c.values["end"] for c in alone if c.kind == "end_stop"} == {"low", "high"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "site", "free", "linear", "sizes"),
+    [
+        ("missed_counts", "x_sensor", ("jump", "time"), ("jump",), ("jump",)),
+        ("periodic_force", "cart", ("amplitude", "period", "phase"), ("amplitude", "phase"), ("amplitude",)),
+        ("stribeck_friction", "cart", ("breakaway", "velocity"), ("breakaway", "velocity"), ("breakaway",)),
+        ("position_direction_friction", "cart", *3 * (("positive", "negative"),)),
+        ("backlash", "cart", ("gap", "motor_mass"), (), ("gap", "motor_mass")),
+        ("wrong_value", "load_mass", *3 * (("load_mass",),)),
+    ],
+)
+def test_what_says_how_large_an_explanation_is(kind, site, free, linear, sizes):
+    """Neither when a sensor jumped nor where a wave begins tells that it is there."""
+    assert Candidate(kind, site, {}, free, not linear, linear).sizes == sizes

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.revise import coarser, finer
+from jbridge.diagnosis.revise import coarser, finer, prune
 from jbridge.diagnosis.search import Search
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import lanes_for, make_setting
@@ -51,3 +51,27 @@ def test_a_smooth_friction_gets_fewer():
     assert finer(search, state) is state
     found = coarser(search, state)
     assert places(found) == 3 and found.chi < 1.02 * state.chi
+
+
+@pytest.mark.slow
+def test_of_two_laws_of_friction_one_of_which_holds_the_other_one_stays():
+    """Dry friction was accepted first, and what it lacks beside it: together they are the second law."""
+    true = {"level": 1.0, "breakaway": 4.0, "velocity": 0.05}
+    drag = ("quadratic_drag", "cart", {"coefficient": 40.0})
+    runs = cart_recordings(make_plant(("stribeck_friction", "cart", true), drag, cart_damping=30.0), 3, seed=5)
+    plain = Candidate("coulomb_friction", "cart", {}, ("level",), False)
+    more = Candidate("stribeck_friction", "cart", {}, ("breakaway", "velocity"), False)
+    other = Candidate("quadratic_drag", "cart", {}, ("coefficient",), False)
+    beside = ("stribeck_friction", "cart", true | {"level": 0.0, "breakaway": 3.0})
+    plant = make_plant(("coulomb_friction", "cart", {"level": 1.0}), beside, drag, cart_damping=30.0)
+    known = frozenset(("cart_mass", "load_mass", "winch_mass", "gravity"))
+    setting = make_setting(Model(plant, known, frozenset(NUMBERS), {}, "m.toml"), runs, ())
+    search = Search(plant, known, setting, None)
+    guess = lanes_for(Engine(plant).table, plant, setting, setting.recordings).initial
+    found = prune(search, search.polish(plant, known, guess, (plain, more, other)))
+    assert [candidate.name for candidate in found.accepted] == [more.name, other.name]
+    assert found.chi < 1.2 and set(found.without) == {more.name, other.name}
+    # The cost without it is that without any dry friction.
+    assert found.without[more.name] > 4 * found.cost
+    law = next(effect for effect in found.plant.effects if effect.kind == "stribeck_friction")
+    assert float(law.level) == pytest.approx(1.0, abs=0.3) and float(law.breakaway) == pytest.approx(4.0, rel=0.1)
