@@ -30,8 +30,8 @@ class Before:
         return held(self.state, trial, floor) >= least
 
 
-def leading(state: State, trials: Sequence[Trial], reasons: Mapping[tuple[str, str], str]) -> Trial | None:
-    """The best of what was refused for nothing but recordings left out, if it explains much.
+def leading(state: State, trials: Sequence[Trial], reasons: Mapping[tuple[str, str], str]) -> list[Trial]:
+    """What was refused for nothing but recordings left out, if it explains much, the best first.
 
     Args:
         state: the model so far.
@@ -39,5 +39,4 @@ def leading(state: State, trials: Sequence[Trial], reasons: Mapping[tuple[str, s
         reasons: why each did not pass.
     """
     floor = floor_of(trials)
-    found = (t for t in trials if reasons[t.candidate.name] == NOT_HELD and explained(state, t, floor) >= _LEADS)
-    return next(found, None)
+    return [t for t in trials if reasons[t.candidate.name] == NOT_HELD and explained(state, t, floor) >= _LEADS]

@@ -40,6 +40,8 @@ from .steps import refused_with
 from .surprise import surprise
 from .trials import FAR_FROM_NULL, State, significance_of, transfer
 
+_LOOSELY = 2.5
+"""Error over noise up to which finer steps are tried for a model without what may have made up for their error."""
 _NOT_PROVEN = "does not hold on the hold-out"
 
 
@@ -125,6 +127,7 @@ def attempt(
             explained, completed = _refuted(explained, search, base), None
         elif surprise(completed.fit, completed.holdout) is not None:
             explained, completed = _gone_on(search, base, explained, completed, setting)
+            explained, completed = _less_what_vanished(search, base, explained, completed)
     state, steps = explained.state, explained.steps
     learnable, learnable_after = explained.learnable, explained.learnable_after
     if not large and not steps:
@@ -230,7 +233,7 @@ def _gone_on(
 def _less_what_vanished(
     search: Search, base: BaseFit, explained: Explained, completed: Frozen
 ) -> tuple[Explained, Frozen]:
-    """Without names that took up no more than the engine's own error: with finer steps nothing of them is left."""
+    """Without those of several names that took up the engine's own error alone: finer steps leave nothing of them."""
     for step in explained.steps[::-1]:
         fit, named = completed.fit, {candidate.name: candidate for candidate in explained.state.accepted}
         vain = named.get(step.chosen.candidate.name)
@@ -242,8 +245,8 @@ def _less_what_vanished(
         if significance_of(*weighed, fit.engine.table, given) >= FAR_FROM_NULL:
             continue
         state = fitted_without(search, explained.state, vain)
-        fewer = fit_finely(last_fit(state), LARGE * LARGE)
-        if fewer.cost <= fit.cost * (1 + SUPERFLUOUS):
+        fewer = fit_finely(last_fit(state), _LOOSELY)
+        if fewer.finer and fewer.cost <= fit.cost * (1 + SUPERFLUOUS):
             refused = [*refused_with([step], "is gone with finer steps"), *explained.refused]
             steps = [other for other in explained.steps if other is not step]
             explained = dataclasses.replace(explained, state=state, steps=steps, refused=refused)

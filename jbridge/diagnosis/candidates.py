@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.setting import Setting
-from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of, parameters_of
+from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of
 from ..model.effects.catalogue import CATALOGUE, UNNAMED
 from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
@@ -24,6 +24,10 @@ SITE_OF_NUMBER = {
     "winch_mass": "hoist", "hoist_damping": "hoist", "hoist_gain": "hoist_drive",
 }  # fmt: skip
 """Numbers that a rig's owner may know wrong, by the site where they act. Gravity is not among them."""
+
+
+_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity"})
+"""Keys that say when, where or how fast an effect acts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,10 +57,7 @@ class Candidate:
     @property
     def sizes(self) -> tuple[str, ...]:
         """Keys that say how large it is; not when, where or how fast."""
-        if not self.linear or self.kind == WRONG_VALUE:
-            return self.free
-        infos = parameters_of(CATALOGUE[self.kind])
-        return tuple(key for key in self.linear if key == self.linear[0] or infos[key].vector)
+        return tuple(key for key in self.free if key not in _ELSEWISE)
 
     @property
     def unscreened(self) -> bool:

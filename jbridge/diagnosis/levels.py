@@ -1,7 +1,7 @@
 """Friction beside friction: the level common to both is counted once, with the plain Coulomb friction."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,17 +60,27 @@ def settle_levels(table: ParameterTable, vector: NDArray[np.float64]) -> NDArray
     return vector
 
 
-def taking_over(effects: Sequence[AbstractEffect], gone: AbstractEffect) -> tuple[AbstractEffect, ...]:
-    """The effects without one of them; the level of a Coulomb friction goes to another law on its axis."""
+def taking_over(
+    effects: Sequence[AbstractEffect], gone: AbstractEffect, known: Collection[str] = ()
+) -> tuple[AbstractEffect, ...]:
+    """The effects without one of them, which leaves what it has of a plain friction to another law on its axis.
+
+    A Coulomb friction leaves its level to a law that contains one, and such a law its mean level to a Coulomb friction;
+    a level that is known stays as it is.
+    """
     rest = [effect for effect in effects if effect is not gone]
-    if not isinstance(gone, CoulombFriction):
-        return tuple(rest)
+    plain = isinstance(gone, CoulombFriction)
+    level: Any = gone.level if isinstance(gone, CoulombFriction) else None
+    level = dict(simpler_laws(gone)).get(CoulombFriction.kind, {}).get("level", level)
     for place, effect in enumerate(rest):
-        keys = ADDED_LEVELS.get(effect.kind, ())
-        if keys and effect.site == gone.site:
-            infos = parameters_of(type(effect))
-            names = [infos[key].name for key in (*keys, *_ABOVE.get(effect.kind, ()))]
-            rest[place] = dataclasses.replace(effect, **{name: getattr(effect, name) + gone.level for name in names})
+        if level is None or effect.site != gone.site:
+            continue
+        keys = (*ADDED_LEVELS.get(effect.kind, ()), *_ABOVE.get(effect.kind, ())) if plain else ()
+        if not plain and isinstance(effect, CoulombFriction):
+            keys = ("level",)
+        if keys and not any(f"{effect.kind}@{effect.site}.{key}" in known for key in keys):
+            names = [parameters_of(type(effect))[key].name for key in keys]
+            rest[place] = dataclasses.replace(effect, **{name: getattr(effect, name) + level for name in names})
             break
     return tuple(rest)
 

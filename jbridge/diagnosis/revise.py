@@ -16,6 +16,9 @@ SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
 PAYS = 0.05
 """Share of the cost on recordings left out that twice the knots must gain."""
+_NOTHING, _NOWHERE = 1.05, 1.15
+"""Error over noise, of the whole and of the channel that is met worst, below which nothing is left to explain: what
+gains there fits noise, or the engine's own error."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
 _Map = PositionDependentFriction | PositionDirectionFriction
 
@@ -104,19 +107,18 @@ def prune(search: Search, state: State) -> State:
     What stays is kept with the cost that the model has without it.
     """
     costs: dict[tuple[str, str], float] = {}
-    for candidate in reversed(state.accepted):
-        if len(state.accepted) == 1:
+    while len(state.accepted) > 1:
+        left = [candidate for candidate in reversed(state.accepted) if candidate.name not in costs]
+        if not left:
             break
-        fewer = fitted_without(search, state, candidate)
+        fewer = fitted_without(search, state, left[0])
         # What the hold-out asked for may gain less than is superfluous otherwise: the hold-out decides.
         least = min(SUPERFLUOUS, search.least_gain(fewer))
-        if fewer.cost < state.cost * (1 + least):
+        enough = not search.urged and fewer.chi < _NOTHING and fewer.worst < _NOWHERE
+        if enough or fewer.cost < state.cost * (1 + least):
             state, costs = fewer, {}  # what was dropped may have stood in for others
         else:
-            costs[candidate.name] = fewer.cost
-    for candidate in state.accepted if len(state.accepted) > 1 else ():
-        if candidate.name not in costs:
-            costs[candidate.name] = fitted_without(search, state, candidate).cost
+            costs[left[0].name] = fewer.cost
     return dataclasses.replace(state, without=costs)
 
 
@@ -137,4 +139,4 @@ def without(search: Search, state: State, candidate: Candidate) -> tuple[Plant, 
     gone = next((e for e in reversed(state.plant.effects) if (e.kind, e.site) == candidate.name), None)
     if gone is None:
         return state.plant, state.known
-    return Plant(state.plant.bridge, taking_over(state.plant.effects, gone)), state.known
+    return Plant(state.plant.bridge, taking_over(state.plant.effects, gone, state.known)), state.known

@@ -138,11 +138,11 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
                 learnable = max(learnable, min(held(start, chosen, floor), 1.0))
         else:
             left = [(t, reasons[t.candidate.name]) for t in trials]
-            lead = None if before is not None or state.worst < LARGE else leading(state, trials, reasons)
-            if lead is None:
+            lead = [] if before is not None or state.worst < LARGE else leading(state, trials, reasons)
+            if not lead:
                 break
             before = Before(state, tuple(steps), screened, after, left)
-            chosen, reasons = lead, reasons | {lead.candidate.name: ""}
+            chosen, reasons = lead[0], reasons | {trial.candidate.name: "" for trial in lead}
         said = "found" if before is None else "looking further beside"
         search.progress(
             f"{said} {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}"

@@ -62,7 +62,7 @@ def _joined(step: Step, chosen: Trial, own: Trial, trials: list[Trial], why: dic
 
     They were fitted beside what was accepted later, too, so their costs are put in proportion.
     """
-    scale = step.chosen.cost / own.cost
+    scale = step.chosen.weighed / own.cost
     weighed = {
         trial.candidate.name: step.chosen
         if trial is own

@@ -34,7 +34,7 @@ _MORE = 2
 
 def _as_good(trial: Trial, chosen: Trial) -> bool:
     """Whether a law with a few numbers more explains the same: improbable for its numbers, but not told apart."""
-    return trial.cost <= _SAME * chosen.cost and trial.extra <= chosen.extra + _MORE
+    return trial.weighed <= _SAME * chosen.weighed and trial.extra <= chosen.extra + _MORE
 
 
 def named_of(steps: list[Step], setting: Setting, values: dict[str, Estimate]) -> tuple[NamedEffect, ...]:

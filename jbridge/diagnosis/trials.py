@@ -80,11 +80,15 @@ class Trial(Fitted):
     """Cost of the law with more parameters in whose place it is, since it holds as well on recordings left out."""
 
     @property
+    def weighed(self) -> float:
+        """Cost by which it is compared with others."""
+        return min(self.cost, self.stands_for)
+
+    @property
     def score(self) -> float:
         """Bayesian information criterion with an effective sample size; smaller is better."""
         count = min(EFFECTIVE, float(measurements(self.batch)))
-        cost = min(self.cost, self.stands_for)
-        return count * float(np.log(max(cost, 1e-9))) + self.extra * float(np.log(count))
+        return count * float(np.log(max(self.weighed, 1e-9))) + self.extra * float(np.log(count))
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -195,11 +199,11 @@ def accepts(state: State, trial: Trial, least: float, gain: float, floor: float)
     """
     if not trial.cost < state.cost * (1 - gain):
         return "gains too little"
-    if held(state, trial, floor) < least:
-        return NOT_HELD
     if trial.z < FAR_FROM_NULL:
         return "its interval includes its absence"
-    return beyond_belief(trial.candidate, state.plant, trial.plant)
+    if unbelievable := beyond_belief(trial.candidate, state.plant, trial.plant):
+        return unbelievable
+    return NOT_HELD if held(state, trial, floor) < least else ""
 
 
 def beyond_belief(candidate: Candidate, given: Plant, found: Plant) -> str:

@@ -39,6 +39,9 @@ _STEP = 0.0051
 """Longest integration step of the rigid bridge [s],"""
 _FINEST = 8
 """and how many take its place at most."""
+_OWN = 4.0
+"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing: of that a fit leaves
+hardly anything."""
 _BENT = 4.0
 """Way over a presliding spring's own after which how it was bent is forgotten."""
 _TRAVEL = 0.05
@@ -109,24 +112,25 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
 
 
 def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
-    """A step [s] whose own error, in a free swing like the recorded one, stays below the noise of the angle [rad].
+    """A step [s] whose own error, in a free swing like the recorded one, is small beside the angle's noise [rad].
 
-    The midpoint method makes a swing of frequency `w` too slow by `(w h)^2 / 24` of it, which a fit cannot take up: a
-    long swing that is wide or quick would seem to hang on a longer rope.
+    The midpoint method makes a swing of frequency `w` too fast by `(w h)^2 / 6` of it. Where one is long, and wide or
+    quick, no other start makes up for that, and it would seem to hang on another length of rope.
     """
     assert recording.psi is not None
-    length = recording.locked_length if recording.l is None else float(np.min(recording.l))
+    size = recording.psi - np.mean(recording.psi)
+    times, weights = recording.times - recording.start, size**2 + 1e-12
+    length = recording.locked_length if recording.l is None else float(np.average(recording.l, weights=weights))
     if length is None or not length > 0.0:
         return _STEP
-    times, size = recording.times - recording.start, recording.psi - np.mean(recording.psi)
     # A later or earlier start takes up a part of it.
-    late = times - np.average(times, weights=size**2 + 1e-12)
+    late = times - np.average(times, weights=weights)
     bridge = plant.bridge
     # A light cart is swung by its load.
     share = float(bridge.load_mass / bridge.cart_mass) if recording.has_cart else 0.0
     frequency = float(np.sqrt(bridge.gravity / length * (1.0 + share)))
-    slow = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) / 24.0
-    return max(min(_STEP, float(np.sqrt(noise / max(slow, 1e-12)))), _STEP / _FINEST)
+    fast = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) / 6.0
+    return max(min(_STEP, float(np.sqrt(_OWN * noise / max(fast, 1e-12)))), _STEP / _FINEST)
 
 
 def _check_sensors(recordings: Sequence[Recording]) -> None:

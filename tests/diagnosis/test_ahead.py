@@ -1,5 +1,7 @@
 """Two laws that hold on recordings left out only together: the first is taken for a try, and given back if in vain."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.rounds import accept_effects
 from jbridge.diagnosis.screen import Screen
 from jbridge.diagnosis.search import Search
-from jbridge.diagnosis.trials import NOT_HELD, State, Trial
+from jbridge.diagnosis.trials import NOT_HELD, State, Trial, accepts
 from jbridge.identify.base import BaseFit
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
@@ -55,9 +57,13 @@ DRY, DRAG, TILT = "coulomb_friction", "quadratic_drag", "constant_force"
 def test_the_leader_failed_on_nothing_but_recordings_left_out():
     trials = [trial(TILT, 2e3, 1e4), trial(DRY, 3e3, 2e4), trial(DRAG, 4e3, 2e4)]
     reasons = {(TILT, "cart"): "its interval includes its absence"} | {(k, "cart"): NOT_HELD for k in (DRY, DRAG)}
-    assert leading(state(1e4, 1e4), trials, reasons) is trials[1]
+    assert leading(state(1e4, 1e4), trials, reasons) == trials[1:]
     # What explains less than half of it may be anything.
-    assert leading(state(5e3, 1e4), trials, reasons) is None
+    assert leading(state(5e3, 1e4), trials, reasons) == []
+    # Nor is it one that may as well be absent, or cannot be.
+    faint = dataclasses.replace(trials[1], z=1.0)
+    assert accepts(state(1e4, 1e4), trials[1], 0.3, 0.03, NOISE_ALONE) == NOT_HELD
+    assert accepts(state(1e4, 1e4), faint, 0.3, 0.03, NOISE_ALONE) == "its interval includes its absence"
 
 
 def test_both_hold_together_against_the_model_without_either():

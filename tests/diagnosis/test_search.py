@@ -260,5 +260,10 @@ def test_a_law_takes_over_the_level_of_the_plain_friction_that_is_taken_away(kin
     before, after = (simulate(plant, make_state(0.6), lane, substeps=2, method=RK4) for plant in (plain, alone))
     np.testing.assert_allclose(after.q.x, before.q.x, atol=1e-9)
     assert np.ptp(before.q.x) > 0.01
+    # And back, but for a level that is known.
+    (again,) = taking_over(plain.effects, plain.effects[1])
+    mean = dict(simpler_laws(plain.effects[1]))["coulomb_friction"]["level"]
+    assert float(again.level) == pytest.approx(3.0 + mean)
+    assert taking_over(plain.effects, plain.effects[1], ["coulomb_friction@cart.level"]) == plain.effects[:1]
     # Of another axis nothing is taken over.
     assert taking_over((other, *alone.effects), other) == alone.effects
