@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from ..identify.left_out import several
 from ..identify.setting import scene_of
-from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractFriction
+from ..model.effects.base import AXIS_OF_SITE, AbstractFriction
 from ..model.effects.catalogue import make_effect
 from ..model.effects.forces import ResidualForce
 from ..model.effects.friction import CoulombFriction, PositionDirectionFriction
-from ..model.plant import Plant
 from ..recordings import Recording
 from .adequacy import LARGE
 from .candidates import Candidate, unnamed_forces
@@ -108,8 +107,6 @@ def of_place_alone(search: Search, state: State, accepted: Candidate) -> tuple[S
         plain = Candidate(CoulombFriction.kind, site, {"level": level}, ("level",), False)
         plant = plant.adding(make_effect(plain.kind, site, plain.values))
         others.append(plain)
-    elif f"{CoulombFriction.kind}@{site}.level" not in known:
-        plant = Plant(plant.bridge, tuple(_with_more(e, site, level) for e in plant.effects))
     places, by_place = on_even_knots(knots, {"by_place": force}, 2 * len(knots) - 1)
     values = {"places": places, "speeds": [-1.0, 1.0], "by_speed": [0, 0]} | by_place
     curved = plant.adding(make_effect(ResidualForce.kind, site, values))
@@ -133,13 +130,6 @@ def _passed(recordings: Sequence[Recording], site: str, knots: NDArray[np.float6
             ways += np.stack([near @ np.maximum(step, 0.0), near @ np.maximum(-step, 0.0)])
     passed = ways.min(axis=0)
     return np.where(passed < _LITTLE * passed.max(), 0.0, passed)
-
-
-def _with_more(effect: AbstractEffect, site: str, level: float) -> AbstractEffect:
-    """The same, or a site's Coulomb friction with a larger level."""
-    if not isinstance(effect, CoulombFriction) or effect.site != site:
-        return effect
-    return dataclasses.replace(effect, level=effect.level + level)
 
 
 def _has_curve(state: State, site: str) -> bool:
