@@ -386,6 +386,31 @@ def test_table_lists_the_misses_by_name():
     assert "detected where the base model's hold-out error is >= 5 noise | >= 98 % | 50 % (1/2" in page
 
 
+def test_cases_run_again_are_a_column_and_no_proof(tmp_path, monkeypatch):
+    figures = importlib.import_module("figures")
+    told = report_of("missing_physics", effects=[("input_delay", "cart_drive", {"delay": 0.02})])
+    right = score(truth_of([DELAY]), told) | {"wall": 3.0, "before": 7.0, "probability": 0.95}
+    wrong = score(truth_of([DELAY]), report_of("adequate", "none")) | {"wall": 5.0, "before": 7.0}
+    for part, row in (("fresh", wrong), ("fresh-again", right)):
+        saved = {"half": "fresh", "commit": part, "cores": 2, "cases": 1, "rows": [row]}
+        (tmp_path / "data").mkdir(exist_ok=True)
+        (tmp_path / "data" / f"concealed-{part}.json").write_text(json.dumps(saved))
+    counted, dots = [], figures._dots
+
+    def noted(axes, points, *rest, **how):
+        counted.append(points)
+        dots(axes, points, *rest, **how)
+
+    monkeypatch.setattr(figures, "_dots", noted)
+    monkeypatch.setattr(figures, "confusion", lambda *rest: None)
+    figures.draw(tmp_path)
+    page = (tmp_path / "concealed-table.md").read_text()
+    verdicts = next(line for line in page.splitlines() if line.startswith("| verdict right"))
+    assert [cell.strip()[:5] for cell in verdicts.split("|")[3:5]] == ["0 % (", "100 %"]
+    names, seen, _ = counted
+    assert names == [] and [hits for _, hits, n in seen if n] == [0]
+
+
 def test_ablations_compare_the_same_cases():
     answer = report_of("missing_physics", effects=[("input_delay", "cart_drive", {"delay": 0.02})])
     right = score(truth_of([DELAY]), answer) | {"id": "a", "code": "1", "p_value": 0.005}

@@ -12,6 +12,10 @@ from matplotlib.patches import Patch
 
 from tables import PROBABILITIES, SEVERITIES, brief, table, wilson, with_probability
 
+AGAIN = "fresh-again"
+"""Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
+PARTS = ("dev", "proof", "wide", "fresh", AGAIN)
+"""Columns of the table, each with data of its own."""
 VERDICTS = ["adequate", "missing_physics", "unknown"]
 EQUATIONS = ["none", "cart", "swing", "hoist"]
 
@@ -103,7 +107,7 @@ def _dots(axes, points: list[tuple[float, int, int]], colour: str, label: str, a
 def reliability(halves: dict[str, dict], path: Path) -> None:
     """Are probabilities honest, and how large must an effect be to be seen and named?"""
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
-    told = with_probability([r for half in halves.values() for r in half["rows"]])
+    told = with_probability([r for part, half in halves.items() if part != AGAIN for r in half["rows"]])
     points = []
     for low, high in PROBABILITIES:
         here = [r for r in told if low <= r["probability"] < high]
@@ -140,7 +144,7 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
 def draw(folder: Path) -> None:
     """Redraws table, confusion and reliability (`concealed-*`) from `data/concealed-*.json`."""
     halves = {}
-    for half in ("dev", "proof", "wide", "fresh"):
+    for half in PARTS:
         data = folder / "data" / f"concealed-{half}.json"
         if data.exists():
             saved = json.loads(data.read_text())

@@ -4,11 +4,12 @@
     python experiments/concealed/run.py --half proof --jobs 2
     python experiments/concealed/run.py --half wide --limit 40       the first 40 of a shuffled 160
     python experiments/concealed/run.py --half dev --generate-only   only the recordings
+    python experiments/concealed/run.py --half fresh --rows fresh-again   by today's version, beside the first rows
     python experiments/concealed/run.py --figures                    redraw from figures/data
 
 Per case, below OUT/CASE: `model.toml`, `recordings/`, `diagnosis/` with the tool's own files and `run.json`
 (exit status and seconds). A case is diagnosed once, unless it failed; `--again` forgets finished diagnoses.
-Rows go to figures/data/concealed-HALF.json.
+Rows go to figures/data/concealed-HALF.json, or to those of another name (`--rows`), which keeps what was found first.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from cases import HERE, MASTER
-from figures import draw
+from figures import PARTS, draw
 from play import write
 from score import score
 from seal import SEALS, open_truths
@@ -96,6 +97,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go")
     parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
     parser.add_argument("--limit", type=int, help="only the first so many")
+    parser.add_argument("--rows", choices=PARTS, help="the part of the table that rows go to; --half where not given")
     parser.add_argument("--jobs", type=int, default=1, help="diagnoses at a time")
     parser.add_argument(
         "--timeout", type=float, default=1800.0, help="seconds after which a diagnosis counts as failed"
@@ -138,7 +140,7 @@ def main() -> None:
     # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
     rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
     rows = [row for row in rows if row]
-    data = FIGURES / "data" / f"concealed-{chosen.half}.json"
+    data = FIGURES / "data" / f"concealed-{chosen.rows or chosen.half}.json"
     if data.exists():  # rows of cases whose reports are gone stay, each with the code that diagnosed it
         fresh = {row["id"] for row in rows}
         saved = json.loads(data.read_text())

@@ -122,6 +122,7 @@ def misses(rows: list[dict]) -> list[str]:
 
 
 FRESH = "; `fresh` came last, each case once"
+AGAIN = ", and was run whole again when its misses were known (`fresh-again`)"
 
 
 def brief(halves: dict[str, dict]) -> str:
@@ -164,7 +165,8 @@ def table(
         "",
         "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings were",
         "chosen on `dev`; `proof` was opened once; `wide` has every effect at three sizes, and many versions ran",
-        f"it{FRESH if 'fresh' in halves else ''}. Percentages come with counts and 95 % Wilson intervals.",
+        f"it{FRESH if 'fresh' in halves else ''}{AGAIN if 'fresh-again' in halves else ''}.",
+        "Percentages come with counts and 95 % Wilson intervals.",
         "A quarter of the nulls has friction that wanders. Redrawn by `run.py --figures`; do not edit.",
         "",
         "| measure | aim | " + " | ".join(names) + " |",
