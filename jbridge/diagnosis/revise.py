@@ -3,14 +3,16 @@
 import dataclasses
 
 from ..identify.left_out import several
+from ..identify.setting import lanes_for
 from ..identify.smooth import POOR
 from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
+from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import WRONG_VALUE, Candidate
+from .candidates import WRONG_VALUE, Candidate, has_hidden_state
 from .levels import ADDED_LEVELS, on_even_knots, simpler_laws, taking_over
 from .search import Search, left_out_at_best, settled
-from .trials import State
+from .trials import State, Trial
 
 SUPERFLUOUS = 0.02
 """Rise of the cost up to which an effect is dropped again."""
@@ -19,8 +21,30 @@ PAYS = 0.05
 _NOTHING, _NOWHERE = 1.05, 1.15
 """Error over noise, of the whole and of the channel that is met worst, below which nothing is left to explain: what
 gains there fits noise, or the engine's own error."""
+_STIFFER = 4.0
+"""How many times as many steps a model asks for, refitted, before what asks for them is doubted."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
 _Map = PositionDependentFriction | PositionDirectionFriction
+
+
+def completed(search: Search, state: State, chosen: Trial) -> State:
+    """The model with what was chosen, fitted to convergence.
+
+    A belt may have stood for it, for a delay say, and grows stiff beside it until nothing is left of it but the many
+    small steps that could follow it. Then it is dropped first, if it is superfluous.
+    """
+    accepted = (*state.accepted, chosen.candidate)
+    again = lanes_for(
+        ParameterTable(chosen.plant), chosen.plant, search.setting, search.setting.recordings, search.window
+    )
+    if again.substeps > _STIFFER * chosen.batch.substeps:
+        refitted = State(**chosen.shared(), accepted=accepted)
+        for candidate in state.accepted:
+            if has_hidden_state(candidate.kind):
+                fewer = fitted_without(search, refitted, candidate)
+                if fewer.cost <= chosen.cost * (1 + SUPERFLUOUS):
+                    return fewer
+    return search.polish(chosen.plant, chosen.known, chosen.initial, accepted)
 
 
 def simplify(search: Search, state: State, place: int = -1) -> State:

@@ -16,7 +16,7 @@ from .candidates import Candidate, has_hidden_state
 from .curve import of_place_alone
 from .freeze import last_fit
 from .mechanisms import mechanisms
-from .revise import SUPERFLUOUS, coarser, finer, prune, simplify
+from .revise import SUPERFLUOUS, coarser, completed, finer, prune, simplify
 from .screen import Screen
 from .search import Search, state_of
 from .steps import HOLDS, Step, as_simplified, by_gap_closed, refused_with, renamed
@@ -147,8 +147,10 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         search.progress(
             f"{said} {chosen.candidate.kind.replace('_', ' ')} at {chosen.candidate.site.replace('_', ' ')}"
         )
-        state = search.polish(chosen.plant, chosen.known, chosen.initial, (*state.accepted, chosen.candidate))
+        state = completed(search, state, chosen)
         number = 1 + max((step.number for step in steps), default=0)
+        kept = {candidate.name for candidate in state.accepted}
+        steps = [step for step in steps if step.chosen.candidate.name in kept]
         steps.append(Step(number, chosen, trials, {name: why for name, why in reasons.items() if why}))
         state = simplify(search, state)
         if state.worst > LARGE:

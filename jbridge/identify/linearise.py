@@ -5,6 +5,9 @@ parameter vector with its free parameters) is rolled out, with one tangent for e
 value (`stages`). Which parameters are free is data, so the programs of a structure serve every choice of them.
 """
 
+import itertools
+import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -23,7 +26,9 @@ from .lanes import Batch, Lanes
 _ROWS = 4
 """Rows in one call of the compiled program,"""
 _LARGE = 12 * 2**20
-"""or one alone, where the tangents of one coordinate at all steps of so many would take more [byte]."""
+"""or one alone, where the tangents of one coordinate at all steps of so many would take more [byte];"""
+_MOST = 40 * 2**20
+"""and some of its lanes where even those take more: a stiff belt asks for dozens of steps in each interval."""
 _THREADS = 2
 
 
@@ -72,18 +77,18 @@ class Engine:
         rows = len(vectors)
         places = np.full((rows, columns), -1, np.int64)
         places[:, : free.shape[1]] = free
-        jobs: list[tuple[NDArray, NDArray, NDArray]] = []
         lanes, steps = batch.lanes.lane.dt.shape
-        tangents = 8 * _ROWS * lanes * steps * batch.substeps * (columns + initial.shape[2])
+        tangents = 8 * lanes * steps * batch.substeps * (columns + initial.shape[2])
         # Few rows run one after the other in the program that a single fit needs anyway.
-        width = 1 if rows < _ROWS or tangents > _LARGE else _ROWS
-        for a in range(0, rows, width):
-            # A short last call repeats its last row: one shape, one program.
-            take = np.minimum(np.arange(a, a + width), rows - 1)
-            jobs.append((vectors[take], places[take], initial[take]))
+        width = 1 if rows < _ROWS or _ROWS * tangents > _LARGE else _ROWS
+        by_lane = _shares(lanes, math.ceil(lanes / math.ceil(tangents / _MOST)))
+        some = [batch.lanes] if len(by_lane) == 1 else [_taken(batch.lanes, chosen) for chosen in by_lane]
+        jobs = list(itertools.product(_shares(rows, width), zip(by_lane, some, strict=True)))
 
-        def run(job: tuple[NDArray, NDArray, NDArray]) -> tuple[NDArray[np.float64], ...]:
-            along, residual, predicted = map(np.asarray, stages.tangents(self.table, *job, batch.lanes, batch.substeps))
+        def run(job: tuple[NDArray[np.int64], tuple[NDArray[np.int64], Lanes]]) -> tuple[NDArray[np.float64], ...]:
+            take, (chosen, own) = job
+            asked = vectors[take], places[take], initial[take][:, chosen]
+            along, residual, predicted = map(np.asarray, stages.tangents(self.table, *asked, own, batch.substeps))
             table = np.concatenate([along, residual[:, :, None]], axis=2)
             with np.errstate(over="ignore", invalid="ignore"):  # a trial that runs away is judged by its cost
                 products = table @ np.swapaxes(table, 2, 3)
@@ -94,13 +99,30 @@ class Engine:
         else:
             with ThreadPoolExecutor(_THREADS) as pool:
                 parts = list(pool.map(run, jobs))
-        return Gram(*(np.concatenate(part)[:rows] for part in zip(*parts, strict=True)))
+        whole = [_joined(parts[a : a + len(some)], lanes) for a in range(0, len(parts), len(some))]
+        return Gram(*(np.concatenate(part)[:rows] for part in zip(*whole, strict=True)))
 
     def motions(
         self, vector: NDArray[np.float64], initial: NDArray[np.float64], batch: Batch, *, finer: int = 1
     ) -> tuple:
         """Motions and readings of all lanes at one parameter vector, with `finer` integration steps in place of one."""
         return _motions(self.table, vector, initial, batch.lanes, finer * batch.substeps)
+
+
+def _shares(count: int, width: int) -> list[NDArray[np.int64]]:
+    """What each call takes, so many at a time. A short last one repeats its last: one shape, one program."""
+    return [np.minimum(np.arange(a, a + width), count - 1) for a in range(0, count, width)]
+
+
+def _taken(lanes: Lanes, chosen: NDArray[np.int64]) -> Lanes:
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], lanes)
+
+
+def _joined(parts: Sequence[tuple[NDArray[np.float64], ...]], lanes: int) -> tuple[NDArray[np.float64], ...]:
+    """What calls found for some lanes each, put together."""
+    if len(parts) == 1:
+        return parts[0]
+    return tuple(np.concatenate(part, axis=1)[:, :lanes] for part in zip(*parts, strict=True))
 
 
 def _predict(

@@ -1,11 +1,14 @@
 """Maps of friction choose how many places they have, from what recordings left out say."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import Candidate
-from jbridge.diagnosis.revise import coarser, finer, prune
+from jbridge.diagnosis.revise import coarser, completed, finer, prune
 from jbridge.diagnosis.search import Search
+from jbridge.diagnosis.trials import as_trial
 from jbridge.identify.linearise import Engine
 from jbridge.identify.setting import lanes_for, make_setting
 from jbridge.model.files import Model
@@ -51,6 +54,33 @@ def test_a_smooth_friction_gets_fewer():
     assert finer(search, state) is state
     found = coarser(search, state)
     assert places(found) == 3 and found.chi < 1.02 * state.chi
+
+
+@pytest.mark.slow
+def test_a_belt_that_grows_stiff_beside_the_delay_it_stood_for_is_dropped_before_its_small_steps_are_taken():
+    late = ("input_delay", "cart_drive", {"delay": 0.015})
+    stiff = ("belt_compliance", "cart", {"stiffness": 3e6, "damping": 50.0, "motor_mass": 1.0})
+    runs = cart_recordings(make_plant(DRY, late, cart_damping=30.0), 2, seed=5)
+    belt = Candidate("belt_compliance", "cart", {}, ("stiffness", "damping", "motor_mass"), False)
+    delay = Candidate("input_delay", "cart_drive", {}, ("delay",), False)
+    known = frozenset(("cart_mass", "load_mass", "winch_mass", "gravity"))
+    plain, ringing = (make_plant(DRY, *more, late, cart_damping=30.0) for more in ((), (stiff,)))
+    setting = make_setting(Model(plain, known, frozenset(NUMBERS), {}, "m.toml"), runs, ())
+    search = Search(plain, known, setting, None)
+    guess = lanes_for(Engine(plain).table, plain, setting, setting.recordings).initial
+    fitted = search.polish(plain, known, guess, (belt, delay))
+    chosen = dataclasses.replace(as_trial(fitted, delay, 50.0), plant=ringing)
+    polished, polish = [], search.polish
+    search.polish = lambda plant, *rest: polished.append(plant) or polish(plant, *rest)
+    found = completed(search, dataclasses.replace(fitted, accepted=(belt,)), chosen)
+    assert found.accepted == (delay,) and found.chi < 1.1
+    assert [effect.kind for effect in polished[0].effects] == ["coulomb_friction", "input_delay"]
+    # Where the model cannot do without it, it stays, whatever it costs.
+    polished.clear()
+    needed = dataclasses.replace(chosen, cost=0.5 * fitted.cost)
+    search.polish = lambda plant, *rest: polished.append(plant) or fitted
+    assert completed(search, dataclasses.replace(fitted, accepted=(belt,)), needed) is fitted
+    assert polished[-1] is ringing and len(polished) == 2
 
 
 @pytest.mark.slow

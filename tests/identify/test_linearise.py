@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import jbridge.identify.linearise as linearise
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
 from tests.identify.cases import NOISE, play, steps
@@ -95,3 +96,28 @@ def test_products_are_those_of_the_tangents():
     table = np.concatenate([found.tangents[0], residual.reshape(batch.count, 1, -1)], axis=1)
     np.testing.assert_allclose(found.products[0], table @ table.swapaxes(1, 2), rtol=1e-12)
     np.testing.assert_allclose(found.cost[0], (residual**2).sum(axis=(1, 2)), rtol=1e-12)
+
+
+def test_lanes_that_would_take_much_memory_are_run_some_at_a_time(monkeypatch):
+    engine = Engine(DRY)
+    vector = np.array(engine.table.ravel(DRY))
+    batch = make_batch(two_runs(DRY), NOISE, size=engine.table.size, window=0.25)
+    free = np.flatnonzero(engine.table.fitted())
+    vectors = vector * np.array([[1.0], [1.01]])
+    asked = (vectors, np.stack([free, free]), np.stack([batch.initial] * 2), batch)
+    whole = engine.gram(*asked, columns=len(free), keep=True)
+    calls = []
+    run = linearise.stages.tangents
+
+    def counted(table, vectors, free, initial, lanes, substeps):
+        calls.append(initial.shape[:2])
+        return run(table, vectors, free, initial, lanes, substeps)
+
+    monkeypatch.setattr(linearise.stages, "tangents", counted)
+    steps = batch.lanes.lane.dt.shape[1] * batch.substeps
+    monkeypatch.setattr(linearise, "_MOST", 8 * steps * (len(free) + batch.initial.shape[1]) * (batch.count // 2))
+    parts = engine.gram(*asked, columns=len(free), keep=True)
+    assert len(calls) > 2 and {rows for rows, _ in calls} == {1} and len(set(calls)) == 1
+    assert calls[0][1] <= batch.count // 2 + 1
+    for one, other in zip(whole, parts, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max())
