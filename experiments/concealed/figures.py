@@ -10,10 +10,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import PROBABILITIES, SEVERITIES, brief, table, wilson, with_probability
+from tables import AGAIN, PROBABILITIES, SEVERITIES, brief, table, wilson, with_probability
 
-AGAIN = "fresh-again"
-"""Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
 PARTS = ("dev", "proof", "wide", "fresh", AGAIN)
 """Columns of the table, each with data of its own."""
 VERDICTS = ["adequate", "missing_physics", "unknown"]

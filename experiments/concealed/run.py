@@ -4,12 +4,12 @@
     python experiments/concealed/run.py --half proof --jobs 2
     python experiments/concealed/run.py --half wide --limit 40       the first 40 of a shuffled 160
     python experiments/concealed/run.py --half dev --generate-only   only the recordings
-    python experiments/concealed/run.py --half fresh --rows fresh-again   by today's version, beside the first rows
+    python experiments/concealed/run.py --half fresh --again-beside   by today's version, its rows apart
     python experiments/concealed/run.py --figures                    redraw from figures/data
 
 Per case, below OUT/CASE: `model.toml`, `recordings/`, `diagnosis/` with the tool's own files and `run.json`
 (exit status and seconds). A case is diagnosed once, unless it failed; `--again` forgets finished diagnoses.
-Rows go to figures/data/concealed-HALF.json, or to those of another name (`--rows`), which keeps what was found first.
+Rows go to figures/data/concealed-HALF.json. What `fresh` found first stays: `--again-beside` writes `fresh-again`.
 """
 
 import argparse
@@ -25,10 +25,11 @@ from pathlib import Path
 import numpy as np
 
 from cases import HERE, MASTER
-from figures import PARTS, draw
+from figures import draw
 from play import write
 from score import score
 from seal import SEALS, open_truths
+from tables import AGAIN
 
 ROOT = HERE.parent.parent
 FIGURES = ROOT / "figures"
@@ -94,10 +95,10 @@ def commit() -> str:
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--half", choices=sorted(MASTER), help="which part of the cases")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "concealed", help="where recordings and reports go")
+    parser.add_argument("--out", type=Path, help="where recordings and reports go (out/concealed)")
     parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
     parser.add_argument("--limit", type=int, help="only the first so many")
-    parser.add_argument("--rows", choices=PARTS, help="the part of the table that rows go to; --half where not given")
+    parser.add_argument("--again-beside", action="store_true", help=f"of fresh: rows and reports of their own, {AGAIN}")
     parser.add_argument("--jobs", type=int, default=1, help="diagnoses at a time")
     parser.add_argument(
         "--timeout", type=float, default=1800.0, help="seconds after which a diagnosis counts as failed"
@@ -109,6 +110,10 @@ def options() -> argparse.Namespace:
     chosen = parser.parse_args()
     if not chosen.figures and not chosen.half:
         parser.error(f"--half is needed: {', '.join(MASTER)}")
+    if chosen.again_beside and chosen.half != "fresh":
+        parser.error("--again-beside is for --half fresh")
+    if chosen.out is None:
+        chosen.out = ROOT / "out" / ("concealed-again" if chosen.again_beside else "concealed")
     return chosen
 
 
@@ -140,7 +145,7 @@ def main() -> None:
     # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
     rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
     rows = [row for row in rows if row]
-    data = FIGURES / "data" / f"concealed-{chosen.rows or chosen.half}.json"
+    data = FIGURES / "data" / f"concealed-{AGAIN if chosen.again_beside else chosen.half}.json"
     if data.exists():  # rows of cases whose reports are gone stay, each with the code that diagnosed it
         fresh = {row["id"] for row in rows}
         saved = json.loads(data.read_text())

@@ -122,7 +122,9 @@ def misses(rows: list[dict]) -> list[str]:
 
 
 FRESH = "; `fresh` came last, each case once"
-AGAIN = ", and was run whole again when its misses were known (`fresh-again`)"
+AGAIN = "fresh-again"
+"""Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
+RUN_AGAIN = f", and was run whole again when its misses were known (`{AGAIN}`)"
 
 
 def brief(halves: dict[str, dict]) -> str:
@@ -165,7 +167,7 @@ def table(
         "",
         "Recordings from another engine with true stick-slip; truths sealed before the diagnosis. Settings were",
         "chosen on `dev`; `proof` was opened once; `wide` has every effect at three sizes, and many versions ran",
-        f"it{FRESH if 'fresh' in halves else ''}{AGAIN if 'fresh-again' in halves else ''}.",
+        f"it{FRESH if 'fresh' in halves else ''}{RUN_AGAIN if AGAIN in halves else ''}.",
         "Percentages come with counts and 95 % Wilson intervals.",
         "A quarter of the nulls has friction that wanders. Redrawn by `run.py --figures`; do not edit.",
         "",

@@ -2,14 +2,14 @@
 
 import dataclasses
 
+from ..identify.base import measurements
 from ..identify.left_out import several
-from ..identify.setting import lanes_for
 from ..identify.smooth import POOR
 from ..model.effects.catalogue import make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
-from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import WRONG_VALUE, Candidate, has_hidden_state
+from ..model.steps import longest_step
+from .candidates import WRONG_VALUE, Candidate
 from .levels import ADDED_LEVELS, on_even_knots, simpler_laws, taking_over
 from .search import Search, left_out_at_best, settled
 from .trials import State, Trial
@@ -21,8 +21,8 @@ PAYS = 0.05
 _NOTHING, _NOWHERE = 1.05, 1.15
 """Error over noise, of the whole and of the channel that is met worst, below which nothing is left to explain: what
 gains there fits noise, or the engine's own error."""
-_STIFFER = 4.0
-"""How many times as many steps a model asks for, refitted, before what asks for them is doubted."""
+_LONGER = 8.0
+"""How much longer steps may be without an explanation before it is doubted: no belt that is one asks for more."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
 _Map = PositionDependentFriction | PositionDirectionFriction
 
@@ -30,20 +30,20 @@ _Map = PositionDependentFriction | PositionDirectionFriction
 def completed(search: Search, state: State, chosen: Trial) -> State:
     """The model with what was chosen, fitted to convergence.
 
-    A belt may have stood for it, for a delay say, and grows stiff beside it until nothing is left of it but the many
-    small steps that could follow it. Then it is dropped first, if it is superfluous.
+    A belt may have stood for it, for a delay say, and beside it nothing may be left of the belt but a motor without
+    inertia, which only dozens of steps an interval could follow. It is dropped first, if it is superfluous. The refit
+    that this is judged by need not have converged: what is dropped too soon can be accepted again.
     """
     accepted = (*state.accepted, chosen.candidate)
-    again = lanes_for(
-        ParameterTable(chosen.plant), chosen.plant, search.setting, search.setting.recordings, search.window
-    )
-    if again.substeps > _STIFFER * chosen.batch.substeps:
-        refitted = State(**chosen.shared(), accepted=accepted)
-        for candidate in state.accepted:
-            if has_hidden_state(candidate.kind):
-                fewer = fitted_without(search, refitted, candidate)
-                if fewer.cost <= chosen.cost * (1 + SUPERFLUOUS):
-                    return fewer
+    refitted = State(**chosen.shared(), accepted=accepted)
+    rigid = search.setting.step
+    for candidate in state.accepted:
+        plant, _ = without(search, refitted, candidate)
+        if longest_step(plant, rigid) > _LONGER * longest_step(chosen.plant, rigid):
+            fewer = fitted_without(search, refitted, candidate)
+            same = measurements(fewer.batch) == measurements(chosen.batch)
+            if same and fewer.cost <= chosen.cost * (1 + SUPERFLUOUS):
+                return fewer
     return search.polish(chosen.plant, chosen.known, chosen.initial, accepted)
 
 

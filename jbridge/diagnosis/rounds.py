@@ -149,8 +149,11 @@ def accept_effects(search: Search, base: BaseFit, mismatch: bool, begin: Explain
         )
         state = completed(search, state, chosen)
         number = 1 + max((step.number for step in steps), default=0)
-        kept = {candidate.name for candidate in state.accepted}
-        steps = [step for step in steps if step.chosen.candidate.name in kept]
+        beside = {candidate.name for candidate in state.accepted}
+        if any(step.chosen.candidate.name not in beside for step in steps):  # what it was chosen beside is gone
+            steps = [step for step in steps if step.chosen.candidate.name in beside]
+            fewer = as_trial(state, chosen.candidate, chosen.z)
+            chosen, trials = fewer, [fewer if trial is chosen else trial for trial in trials]
         steps.append(Step(number, chosen, trials, {name: why for name, why in reasons.items() if why}))
         state = simplify(search, state)
         if state.worst > LARGE:

@@ -16,11 +16,14 @@ _TIED = 1.02
 _MOST = 3
 # A load that hangs a little below the hook swings, at a bridge's frequencies, as on a rope that is longer.
 _ALIKE = (("double_pendulum", "swing"), ("sensor_offset", "l_sensor"), ("sensor_scale", "l_sensor"))
+# Friction by place and direction plays a spring, which hinders one way as it helps the other; no spring plays a map.
+_PLAYED = {("position_direction_friction", "cart"): (("spring_force", "cart"),)}
 
 
 def look_alikes(winner: Candidate) -> tuple[tuple[str, str], ...]:
-    """Effects that may do the same as a winner, one of them with a hidden state, which no linear screen weighs."""
-    return tuple(name for name in _ALIKE if name != winner.name) if winner.name in _ALIKE else ()
+    """Effects that may do the same as a winner, though a linear screen beside what else is missing need not say so."""
+    alike = tuple(name for name in _ALIKE if name != winner.name) if winner.name in _ALIKE else ()
+    return alike + _PLAYED.get(winner.name, ())
 
 
 def ties(ranked: Sequence[Screened], winner: Candidate, tried: Collection[tuple[str, str]]) -> list[Screened]:

@@ -28,7 +28,7 @@ _ROWS = 4
 _LARGE = 12 * 2**20
 """or one alone, where the tangents of one coordinate at all steps of so many would take more [byte];"""
 _MOST = 40 * 2**20
-"""and some of its lanes where even those take more: a stiff belt asks for dozens of steps in each interval."""
+"""and some lanes of one where those of all would: a motor of little inertia asks for dozens of steps an interval."""
 _THREADS = 2
 
 
@@ -81,7 +81,9 @@ class Engine:
         tangents = 8 * lanes * steps * batch.substeps * (columns + initial.shape[2])
         # Few rows run one after the other in the program that a single fit needs anyway.
         width = 1 if rows < _ROWS or _ROWS * tangents > _LARGE else _ROWS
-        by_lane = _shares(lanes, math.ceil(lanes / math.ceil(tangents / _MOST)))
+        # Halved until it fits, so that models of nearly one size share their programs.
+        halvings = max(0, math.ceil(math.log2(max(tangents, 1) / _MOST)))
+        by_lane = _shares(lanes, math.ceil(lanes / 2**halvings))
         some = [batch.lanes] if len(by_lane) == 1 else [_taken(batch.lanes, chosen) for chosen in by_lane]
         jobs = list(itertools.product(_shares(rows, width), zip(by_lane, some, strict=True)))
 
