@@ -22,7 +22,7 @@ _NOTHING, _NOWHERE = 1.05, 1.15
 """Error over noise, of the whole and of the channel that is met worst, below which nothing is left to explain: what
 gains there fits noise, or the engine's own error."""
 _LONGER = 8.0
-"""How much longer steps may be without an explanation before it is doubted: no belt that is one asks for more."""
+"""How much longer steps may be without an explanation before it is doubted: a belt's stiffness asks for no more."""
 _MOST_KNOTS, _LEAST_KNOTS = 29, 3
 _Map = PositionDependentFriction | PositionDirectionFriction
 
