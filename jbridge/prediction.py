@@ -8,7 +8,7 @@ from jax import jit, jvp
 
 from ._types import AXES, Axes
 from .errors import InputError
-from .identify.grid import grid
+from .identification.data.grid import grid
 from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable

@@ -27,6 +27,7 @@ LAYERS = (
     {"rollout"},
     {"loop"},
     {"summaries", "tracking"},
+    {"identification"},
     {"identify"},
     {"diagnosis", "prediction", "tuning"},
     {"sweep"},

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
+from ..identification.problem import Setting
 from ..identify.evaluate import evaluate
 from ..identify.lanes import Batch
-from ..identify.setting import Setting
 from ..model.plant import Plant
 from ..recordings import Recording
 from ..recordings.recording import INPUTS

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._programs import forget
+from ..identification.problem import Setting, resolve
 from ..identify.base import WINDOW, BaseFit, base_fit, begun_anew, check_runs, measurements
 from ..identify.finer import LastFit, fit_finely
 from ..identify.lanes import Batch
 from ..identify.linearise import Engine
-from ..identify.setting import Setting, lanes_for, resolve
+from ..identify.setting import lanes_for
 from ..model.files import Model
 from .adequacy import (
     FORESEEN,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.setting import Setting
+from ..identification.problem import Setting
 from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of
 from ..model.effects.catalogue import CATALOGUE, UNNAMED
 from ..model.effects.friction import PreslidingFriction

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..identification.problem import scene_of
 from ..identify.left_out import several
-from ..identify.setting import scene_of
 from ..model.effects.base import AXIS_OF_SITE, AbstractFriction
 from ..model.effects.catalogue import make_effect
 from ..model.effects.forces import ResidualForce

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..identify.setting import Setting
+from ..identification.problem import Setting
 from .names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of

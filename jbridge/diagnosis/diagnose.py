@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Sequence
 
 from .._threads import one_thread_each
 from ..errors import InputError
+from ..identification.problem import Setting, make_setting, with_a_scale
 from ..identify.base import WINDOW
 from ..identify.evaluate import evaluate, traces
-from ..identify.setting import Setting, make_setting, with_a_scale
 from ..identify.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..recordings import Recording

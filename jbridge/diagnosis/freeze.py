@@ -3,11 +3,11 @@
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
+from ..identification.problem import Setting
 from ..identify.base import BaseFit, columns_for
 from ..identify.evaluate import Run, evaluate
 from ..identify.finer import LastFit
 from ..identify.result import Estimate
-from ..identify.setting import Setting
 from ..identify.uncertainty import covariance, estimates, warnings
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant

@@ -4,10 +4,10 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
 
+from ..identification.problem import Setting
 from ..identify.base import WINDOW
 from ..identify.finer import LastFit, fit_finely
 from ..identify.result import Errors, Estimate
-from ..identify.setting import Setting
 from ..recordings import Recording
 from .adequacy import LARGE, carries_over, channels, is_large, worst_ratio
 from .attempt import Attempt

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._types import AXES, Axes
-from ..identify.setting import Setting, scene_of
+from ..identification.problem import Setting, scene_of
 from ..model.effects.drives import DeadZone
 from ..model.effects.friction import PreslidingFriction
 from ..model.plant import Plant

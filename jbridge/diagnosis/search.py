@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._programs import forget_if_large
+from ..identification.problem import Setting, free_places, scene_of
 from ..identify.base import WINDOW, channel_errors, columns_for
 from ..identify.lanes import Batch
 from ..identify.left_out import cross_validated, folds, smoothness
 from ..identify.linearise import Engine
-from ..identify.setting import Setting, free_places, lanes_for, scene_of
+from ..identify.setting import lanes_for
 from ..identify.smooth import POOR, by_strength, smoothed
 from ..identify.solve import Fits, solve
 from ..model.effects.catalogue import make_effect

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
+from ..identification.problem import Setting
 from ..identify.base import columns_for
 from ..identify.lanes import Batch
-from ..identify.setting import Setting, lanes_for
+from ..identify.setting import lanes_for
 from ..identify.solve import reduce
 from ..identify.uncertainty import inverse_normal
 from ..model.effects.base import AXIS_OF_SITE

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ..identification.problem import Setting
 from ..identify.base import chi, columns_for
 from ..identify.evaluate import evaluate
 from ..identify.latent import Latent
 from ..identify.result import Estimate
-from ..identify.setting import Setting
 from ..identify.uncertainty import covariance, estimates
 from ..model.effects.base import AXIS_OF_SITE
 from ..model.parameters import ParameterTable

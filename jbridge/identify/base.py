@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..errors import InputError
+from ..identification.problem import Setting, free_places
 from ..model.plant import Plant
 from ..recordings import Recording
 from .lanes import Batch
 from .linearise import Engine
-from .setting import Setting, free_places, lanes_for
+from .setting import lanes_for
 from .solve import Fits, solve
 
 WINDOW = 2.0

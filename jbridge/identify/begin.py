@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
-from .grid import Grid
+from ..identification.data.grid import Grid
 
 TOLD = 0.5
 """Time that tells of an initial state [s]."""

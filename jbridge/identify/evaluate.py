@@ -13,16 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
+from ..identification.data.grid import Grid
+from ..identification.problem import Setting
 from ..model.plant import Plant
 from ..recordings import Recording
 from .base import WINDOW, channel_errors
 from .finer import FINER, less_own_error
 from .force_balance import Balance, as_played, balance
-from .grid import Grid
 from .lanes import Batch, Lanes
 from .linearise import Engine
 from .result import Errors, Trace
-from .setting import Setting, lanes_for
+from .setting import lanes_for
 from .solve import solve
 
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 
 from .._threads import one_thread_each
 from ..errors import InputError
+from ..identification.problem import make_setting, resolve, with_a_scale
 from ..model.files import Model
 from ..recordings import Recording
 from .base import WINDOW, base_fit, check_runs, columns_for
 from .evaluate import evaluate, traces
 from .finer import LastFit, fit_finely
 from .result import Fit
-from .setting import make_setting, resolve, with_a_scale
 from .smooth import smoothed
 from .uncertainty import as_uncertainty, covariance, estimates, warnings
 

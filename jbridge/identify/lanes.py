@@ -16,10 +16,10 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .._types import AXES, Axes
+from ..identification.data.grid import Grid, grid
 from ..inputs import Lane
 from ..recordings import Recording
 from .begin import SPREAD, STILL, TOLD, first_state, moves, spread, under_way
-from .grid import Grid, grid
 
 HISTORY = 0.6
 """Time before a lane [s] whose inputs a delay or a lag still feels, unless a model has longer ones."""

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..identification.problem import free_places, make_setting, resolve
 from ..model.files import Model
 from ..recordings import Recording
 from .base import chi, columns_for
 from .linearise import Engine
-from .setting import free_places, lanes_for, make_setting, resolve
+from .setting import lanes_for
 from .solve import solve
 
 _ABREAST = 8

@@ -12,10 +12,10 @@ from jbridge.diagnosis.rounds import accept_effects
 from jbridge.diagnosis.screen import Screen
 from jbridge.diagnosis.search import Search
 from jbridge.diagnosis.trials import NOT_HELD, State, Trial, accepts
+from jbridge.identification.problem import make_setting
 from jbridge.identify.base import BaseFit
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import make_setting
 from jbridge.model.files import Model
 from tests.identify.cases import NOISE, make_recording
 from tests.problems import make_plant

@@ -6,7 +6,7 @@ import pytest
 from jbridge.diagnosis.aside import event, stands_out
 from jbridge.diagnosis.diagnose import diagnose
 from jbridge.diagnosis.words import aside_sentence
-from jbridge.identify.setting import make_setting
+from jbridge.identification.problem import make_setting
 from tests.diagnosis.test_once import run
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, play
 from tests.problems import make_plant

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import WRONG_VALUE, Candidate, candidates
-from jbridge.identify.setting import Setting, scene_of
+from jbridge.identification.problem import Setting, scene_of
 from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect
 from jbridge.model.parameters import ParameterTable

@@ -9,9 +9,9 @@ import pytest
 
 from jbridge.diagnosis.candidates import WRONG_VALUE, candidates
 from jbridge.diagnosis.columns import candidate_columns
+from jbridge.identification.problem import Setting, scene_of
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import Setting, scene_of
 from jbridge.model.effects.base import parameters_of
 from jbridge.model.effects.catalogue import CATALOGUE
 from tests.identify.cases import NOISE, play, steps

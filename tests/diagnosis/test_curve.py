@@ -14,9 +14,10 @@ from jbridge.diagnosis.rounds import Explained, accept_effects
 from jbridge.diagnosis.search import Search, state_of
 from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.trials import as_trial
+from jbridge.identification.problem import make_setting
 from jbridge.identify.base import base_fit
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for, make_setting
+from jbridge.identify.setting import lanes_for
 from tests.identify.cases import DRY, cart_model, cart_recordings
 from tests.problems import make_plant
 

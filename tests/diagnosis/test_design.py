@@ -11,8 +11,9 @@ from jbridge.diagnosis.reach import Reach, Volts, reach_of
 from jbridge.diagnosis.search import Search
 from jbridge.diagnosis.separate import Separation, as_recording, contender, distance, guess, log_preferred, played
 from jbridge.diagnosis.trials import EFFECTIVE
+from jbridge.identification.problem import make_setting
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for, make_setting
+from jbridge.identify.setting import lanes_for
 from jbridge.model.files import Model
 from tests.identify.cases import make_recording, play, steps
 from tests.problems import CART_ALONE, LOCKED_ROPE, NUMBERS, make_plant

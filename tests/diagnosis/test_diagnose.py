@@ -14,8 +14,8 @@ from jbridge.diagnosis.screen import Screen, Screened
 from jbridge.diagnosis.search import Search, state_of
 from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.trials import State
+from jbridge.identification.problem import make_setting
 from jbridge.identify.base import base_fit, columns_for
-from jbridge.identify.setting import make_setting
 from jbridge.identify.solve import solve
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant

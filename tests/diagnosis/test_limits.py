@@ -8,8 +8,8 @@ from jbridge.diagnosis.limits import _of_finite, _of_null, not_seen
 from jbridge.diagnosis.looks import Look
 from jbridge.diagnosis.responses import magnitude, with_weaker
 from jbridge.diagnosis.search import Search, state_of
+from jbridge.identification.problem import make_setting, resolve
 from jbridge.identify.base import base_fit
-from jbridge.identify.setting import make_setting, resolve
 from jbridge.model.parameters import ParameterTable
 from tests.diagnosis.test_diagnose import model, rig
 from tests.problems import make_plant

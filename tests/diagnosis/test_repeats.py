@@ -5,8 +5,9 @@ import pytest
 
 from jbridge.diagnosis.adequacy import FORESEEN
 from jbridge.diagnosis.repeats import repeating_share
+from jbridge.identification.problem import Setting
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import Setting, lanes_for
+from jbridge.identify.setting import lanes_for
 from tests.identify.cases import DRY, NOISE, play, steps
 from tests.problems import EVERY_AXIS, make_plant
 

@@ -9,8 +9,9 @@ from jbridge.diagnosis.candidates import Candidate
 from jbridge.diagnosis.revise import coarser, completed, finer, prune
 from jbridge.diagnosis.search import Search
 from jbridge.diagnosis.trials import as_trial
+from jbridge.identification.problem import make_setting
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for, make_setting
+from jbridge.identify.setting import lanes_for
 from jbridge.model.files import Model
 from tests.identify.cases import DRY, cart_recordings
 from tests.problems import NUMBERS, make_plant

@@ -3,8 +3,8 @@
 import pytest
 
 from jbridge.diagnosis.search import Search, state_of
+from jbridge.identification.problem import make_setting
 from jbridge.identify.base import base_fit
-from jbridge.identify.setting import make_setting
 from tests.identify.cases import DRY, cart_model, cart_recordings
 from tests.problems import make_plant
 

@@ -9,8 +9,8 @@ from jbridge.diagnosis.search import Search
 from jbridge.diagnosis.steps import Step
 from jbridge.diagnosis.swaps import compare_look_alikes
 from jbridge.diagnosis.trials import as_trial
+from jbridge.identification.problem import make_setting
 from jbridge.identify.lanes import make_batch
-from jbridge.identify.setting import make_setting
 from tests.identify.cases import DRY, NOISE, cart_model, cart_recordings
 from tests.problems import make_plant
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge import diagnose
+from jbridge.identification.problem import make_setting
 from jbridge.identify.base import base_fit
-from jbridge.identify.setting import make_setting
 from jbridge.model.files import Model
 from tests.identify.cases import make_recording
 from tests.problems import make_plant

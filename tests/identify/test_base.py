@@ -6,9 +6,9 @@ import functools
 import numpy as np
 import pytest
 
+from jbridge.identification.problem import make_setting
 from jbridge.identify import base
 from jbridge.identify.base import base_fit, begun_anew, columns_for
-from jbridge.identify.setting import make_setting
 from jbridge.identify.solve import solve
 from tests.identify.cases import DRY, cart_model, cart_recordings, scaled
 from tests.problems import make_plant

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from jbridge.identification.problem import make_setting
 from jbridge.identify.evaluate import evaluate
-from jbridge.identify.setting import make_setting
 from jbridge.model.files import Model
 from tests.identify.cases import play, steps
 from tests.problems import CART_ALONE, FIXED_CART, LOCKED_ROPE, NUMBERS, make_plant

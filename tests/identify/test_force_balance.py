@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jbridge.identification.data.grid import grid
+from jbridge.identification.problem import Setting
 from jbridge.identify.force_balance import as_played, balance
-from jbridge.identify.grid import grid
 from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import Setting, lanes_for
+from jbridge.identify.setting import lanes_for
 from tests.identify.cases import DRY, NOISE, play, steps
 from tests.problems import make_plant
 

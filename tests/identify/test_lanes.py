@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.identify.grid import grid
+from jbridge.identification.data.grid import grid
 from jbridge.identify.lanes import make_batch
 from tests.identify.cases import NOISE, make_recording
 

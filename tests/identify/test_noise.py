@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.identify.noise import LEAST, noise_floor
+from jbridge.identification.data.noise import LEAST, noise_floor
 from tests.identify.cases import make_recording
 
 TIMES = np.arange(3000) * 0.005

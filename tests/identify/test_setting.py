@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.identify.setting import lanes_for, make_setting, with_a_scale
+from jbridge.identification.problem import make_setting, with_a_scale
+from jbridge.identify.setting import lanes_for
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from tests.identify.cases import DRY, FULL, TIMES, make_recording

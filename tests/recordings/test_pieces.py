@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jbridge import load_recording
+from jbridge.identification.problem import make_setting
 from jbridge.identify.evaluate import evaluate
 from jbridge.identify.force_balance import balance
-from jbridge.identify.setting import make_setting
 from jbridge.prediction import simulate
 from tests.identify.cases import NOISE, cart_model, play, steps
 from tests.problems import make_plant

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import AXES
-from ..recordings import Recording
+from ..._types import AXES
+from ...recordings import Recording
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,8 +8,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from .._types import AXES
-from ..recordings import Recording
+from ..._types import AXES
+from ...recordings import Recording
 
 _WINDOW = 9
 """Samples of a local polynomial, at most: enough to leave degrees of freedom."""

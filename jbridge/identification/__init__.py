@@ -1,0 +1,1 @@
+"""Estimation of a model's unknown numbers from recordings."""

@@ -1,0 +1,1 @@
+"""Recordings as arrays: the grid, the noise, windows and their initial states."""

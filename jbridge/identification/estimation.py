@@ -1,0 +1,148 @@
+"""Estimation of one model structure from recordings: from short windows to whole recordings.
+
+In short windows a wrong number cannot carry the simulation away, so that a fit there is nearly a linear regression on
+the motion; nothing is refused because a free run falls or runs away. Longer windows join one after the other.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.effects.drives import InputDelay
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..model.steps import longest_step
+from .data.windows import Data, course
+from .likelihood import Index, Likelihood, index, likelihood
+from .problem import Setting, free_places, overrides
+from .sensitivity import Engine
+from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
+
+_HISTORY = 0.6
+"""Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""
+_FIRST, _NEXT = 6, 12
+"""Iterations on the shorter windows, and on all."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FittedModel:
+    """A structure with the parameters that meet the recordings best, and how well they do."""
+
+    plant: Plant
+    known: frozenset[str]
+    point: Point
+    """Parameters, initial states, and each window's error."""
+    engine: Engine
+
+    @property
+    def table(self) -> ParameterTable:
+        return self.engine.table
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        return self.point.vector
+
+    @property
+    def free(self) -> NDArray[np.int64]:
+        return self.point.free
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """Recordings with their windows and the criterion: what does not change while models are compared."""
+
+    setting: Setting
+    data: Data
+    windows: Index
+    likelihood: Likelihood
+
+    def of_horizons(self, horizons: Sequence[float]) -> "Problem":
+        """The same with the windows of some horizons only; the criterion of the others is left out."""
+        chosen = np.isin(self.windows.horizon, horizons)
+        data = self.data.of_horizons(horizons)
+        own = self.likelihood
+        part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.total)
+        return Problem(self.setting, data, index(data), part)
+
+    def states_of(self, states: Sequence[NDArray[np.float64]], horizons: Sequence[float]) -> tuple:
+        """Those initial states that belong to some horizons."""
+        return tuple(s for s, t in zip(states, self.data.tilings, strict=True) if t.horizon in horizons)
+
+    @property
+    def guesses(self) -> tuple[NDArray[np.float64], ...]:
+        """First guesses of all initial states, by tiling."""
+        return tuple(t.states for t in self.data.tilings)
+
+    def judged_by(self, left: Sequence[NDArray[np.float64]]) -> "Problem":
+        """The same with effective numbers of samples from what a model leaves."""
+        return dataclasses.replace(self, likelihood=likelihood(self.data, self.windows, left))
+
+    def solve(self, engine: Engine, starts: Sequence[Start], iterations: int = _NEXT) -> list[Point]:
+        return solve(engine, self.data, self.windows, self.likelihood, starts, iterations=iterations)
+
+    def evaluate(self, engine: Engine, starts: Sequence[Start]) -> list[Point]:
+        return evaluate(engine, self.data, self.windows, self.likelihood, starts)
+
+    def normal(self, engine: Engine, points: Sequence[Point]) -> list[Normal]:
+        return normal_equations(engine, self.data, self.windows, self.likelihood, points)
+
+    def residuals(self, engine: Engine, point: Start | Point) -> list[NDArray[np.float64]]:
+        return residuals(engine, self.data, point)
+
+    def revalued(self, point: Point) -> Point:
+        """A point by this problem's criterion."""
+        return dataclasses.replace(point, value=self.likelihood.value(point.square))
+
+
+def make_problem(setting: Setting, data: Data) -> Problem:
+    """A problem whose criterion takes every sample of what is measured for a part of one smooth error."""
+    windows = index(data)
+    return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
+
+
+def engine_for(problem: Problem, plant: Plant) -> Engine:
+    """Compiled simulations of a plant on a problem's recordings."""
+    table, data = ParameterTable(plant), problem.data
+    own = overrides(table, data.recordings)
+    memory = 1.5 * sum(float(e.delay) for e in plant.all(InputDelay)) + 5.0 * max(map(float, plant.time_constants()))
+    history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
+    courses = [
+        course(g, data.samples, history, data.period, override, table.size)
+        for g, override in zip(data.grids, own, strict=True)
+    ]
+    step = longest_step(plant, problem.setting.step)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)))
+
+
+def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
+    """The plant's own numbers, and the first guesses of all initial states."""
+    free = free_places(engine.table, known, problem.setting)
+    return Start(np.array(engine.table.ravel(plant), dtype=float), free, problem.guesses)
+
+
+def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tuple[Problem, FittedModel]:
+    """Fits a plant from its own numbers, from short windows to all.
+
+    Returns:
+        The problem with the effective numbers of samples that the fitted model's residuals have, and the model.
+    """
+    engine = engine_for(problem, plant)
+    start = start_of(problem, engine, plant, known)
+    horizons = problem.data.horizons
+    for last in range(1, len(horizons) + 1):
+        some = horizons[:last]
+        part = problem.of_horizons(some)
+        begun = Start(start.vector, start.free, problem.states_of(start.states, some))
+        part = part.judged_by(part.residuals(engine, begun))
+        [point] = part.solve(engine, [begun], _FIRST if last < len(horizons) else _NEXT)
+        states = iter(point.states)
+        merged = tuple(
+            next(states) if t.horizon in some else s for s, t in zip(start.states, problem.data.tilings, strict=True)
+        )
+        start = Start(point.vector, point.free, merged)
+    problem = problem.judged_by(problem.residuals(engine, start))
+    [point] = problem.solve(engine, [start])
+    return problem, FittedModel(engine.table.unravel(point.vector), known, point, engine)

@@ -1,0 +1,149 @@
+"""The criterion that fits minimise and searches compare: the logarithm of each window's error.
+
+Errors of a window are taken as Student's t with the window as its unit: the variance of channel `c` in a window is
+
+    s2 = (m mse + nu) / (m + nu),
+
+in units of the noise's variance, with `m` the effective number of samples of a window and `nu = 2`. The criterion is
+
+    J = sum over recordings and channels of n * mean over horizons of mean over windows of a ln(s2) / 2.
+
+A window that the model cannot meet yet costs the logarithm of its error, so it does not bend everything else; between
+200 and 100 times the noise as much is gained as between 2 times and once. `n`, the effective number of samples of a
+recording, follows from the autocorrelation of what the best model so far leaves (Geyer's initial positive sequence,
+Statistical Science 7, 1992). `a` discounts windows at rest, which tell next to nothing of laws of motion.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .data.windows import Data, Tiling
+
+NU = 2.0
+"""Weight of the noise that is known beforehand, in samples."""
+_MOTION = 5.0
+"""Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
+_LAGS = 4000
+"""Most lags of an autocorrelation."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Index:
+    """All windows of all tilings in one row."""
+
+    recording: NDArray[np.int64]
+    horizon: NDArray[np.float64]
+    tiling: NDArray[np.int64]
+    begin: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    count: NDArray[np.float64]
+    """Measured samples by window and channel."""
+    motion: NDArray[np.float64]
+    """`a` by window and channel."""
+
+
+def index(data: Data) -> Index:
+    """Lists the windows of all tilings, and how much each tells of laws of motion."""
+    parts, counts, motions = [], [], []
+    for number, tiling in enumerate(data.tilings):
+        r = tiling.recording
+        for a, b in zip(tiling.count_from, tiling.stops, strict=True):
+            seen = data.measured[r, a:b]
+            count = seen.sum(axis=0)
+            mean = (data.y[r, a:b] * seen).sum(axis=0) / np.maximum(count, 1)
+            var = ((data.y[r, a:b] - mean) ** 2 * seen).sum(axis=0) / np.maximum(count, 1)
+            signal = var / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]) ** 2
+            counts.append(count)
+            motions.append(np.where(count > 0, signal / (signal + _MOTION**2), 0.0))
+        for a, b in zip(tiling.begins, tiling.stops, strict=True):
+            parts.append((r, tiling.horizon, number, a, b))
+    columns = [np.array(column) for column in zip(*parts, strict=True)]
+    return Index(*columns, np.array(counts, float), np.array(motions, float))
+
+
+@dataclasses.dataclass(frozen=True)
+class Likelihood:
+    """The criterion for one set of windows, with the effective numbers of samples that it goes by."""
+
+    share: NDArray[np.float64]
+    """What the logarithm of each window's variance counts, by window and channel."""
+    within: NDArray[np.float64]
+    """Effective number of samples within a window, by window and channel: `m`."""
+    count: NDArray[np.float64]
+    total: float
+    """Effective number of samples of all recordings and channels, `N` of the price."""
+
+    def variance(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+        """`s2` from the mean square of each window's errors, both over the noise's variance."""
+        return (self.within * square + NU) / (self.within + NU)
+
+    def by_window(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Each window's part of the criterion, by window and channel."""
+        return 0.5 * self.share * np.log(self.variance(square))
+
+    def value(self, square: NDArray[np.float64]) -> float:
+        """`J` without a price."""
+        return float(self.by_window(square).sum())
+
+    def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weight of each sample's squared error over the noise's variance, by window and channel.
+
+        With these the sum of squares has the criterion's gradient, and bounds it from above (the logarithm is concave),
+        so that what lowers the one lowers the other.
+        """
+        slope = self.share * self.within / (self.within + NU) / self.variance(square)
+        return slope / np.maximum(self.count, 1.0)
+
+
+def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float64]]) -> Likelihood:
+    """The criterion with effective numbers of samples from what a model leaves.
+
+    Args:
+        data: recordings.
+        windows: of its tilings.
+        residuals: what the best model so far leaves, by tiling, `(sample, 3)`, over the noise; 0 where nothing is
+            measured.
+    """
+    shape = windows.count.shape
+    within, share = np.ones(shape), np.zeros(shape)
+    number: dict[tuple[int, int], list[float]] = {}
+    for t, tiling in enumerate(data.tilings):
+        own = windows.tiling == t
+        for k in range(3):
+            counted = windows.count[own, k]
+            if not counted.any():
+                continue
+            effective = _effective(tiling, residuals[t][:, k], data.measured[tiling.recording, :, k])
+            within[own, k] = np.maximum(counted * effective, 1.0)
+            number.setdefault((tiling.recording, k), []).append(float((counted * effective).sum()))
+            share[own, k] = windows.motion[own, k] / tiling.windows
+    total = 0.0
+    for (r, k), values in number.items():
+        own = windows.recording == r
+        n = max(float(np.mean(values)), 1.0)
+        share[own, k] *= n / len(values)
+        total += n
+    return Likelihood(share, within, windows.count, total)
+
+
+def _effective(tiling: Tiling, residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
+    """Effective number of samples over their number, from the autocorrelation within windows, pooled over them."""
+    lags = int(min(max(tiling.stops - tiling.begins), _LAGS))
+    total = np.zeros(lags)
+    for a, b in zip(tiling.begins, tiling.stops, strict=True):
+        own = residual[a:b][measured[a:b]]
+        if len(own) > 1:
+            size = 2 ** int(np.ceil(np.log2(2 * len(own))))
+            spectrum = np.abs(np.fft.rfft(own, size)) ** 2
+            found = np.fft.irfft(spectrum, size)[: min(len(own), lags)]
+            total[: len(found)] += found
+    if total[0] <= 0.0:
+        return 1.0
+    rho = total / total[0]
+    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0.0)
+    stop = int(ends[0]) if len(ends) else len(pairs)
+    return float(1.0 / max(2.0 * pairs[:stop].sum() - 1.0, 1.0))

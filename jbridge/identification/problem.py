@@ -1,0 +1,279 @@
+"""A model and recordings made ready for fits: which parameters are free, the noise, the lanes."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES
+from ..errors import InputError
+from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
+from ..model.effects.friction import CoulombFriction
+from ..model.files import Model, requires
+from ..model.parameters import Entry, ParameterTable
+from ..model.plant import Plant
+from ..recordings import Recording, constant_inputs
+from .data.noise import noise_floor
+
+_PART_OF = {
+    "cart_mass": "x",
+    "cart_damping": "x",
+    "cart_gain": "x",
+    "swing_damping": "psi",
+    "winch_mass": "l",
+    "hoist_damping": "l",
+    "hoist_gain": "l",
+    "load_mass": "psi",
+    "gravity": "psi",
+}
+"""The axis that must move for a number of the bridge to matter."""
+_STEP = 0.0051
+"""Longest integration step of the rigid bridge [s],"""
+_FINEST = 8
+"""and how many take its place at most."""
+_OWN = 4.0
+"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing: of that a fit leaves
+hardly anything."""
+_TRAVEL = 0.05
+"""Way of a cart [m] that no rope takes without swinging."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """What does not change during a fit or a diagnosis."""
+
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    noise: Mapping[str, float]
+    axes: tuple[str, ...]
+    """Axes that move in some recording."""
+    units: Mapping[str, str]
+    """Unit of each input."""
+    length: float
+    """Mean rope length of the recordings [m]."""
+    step: float = _STEP
+    """Longest integration step of the rigid bridge [s]."""
+
+    @property
+    def period(self) -> float:
+        """Sampling period [s], the median of the recordings'."""
+        return float(np.median([recording.period for recording in self.recordings]))
+
+
+def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
+    """Checks that model and recordings go together.
+
+    Raises:
+        InputError: a part that the recordings have is missing in the model, or an input never changes while its
+            gain is to be estimated.
+    """
+    everything = (*recordings, *holdout)
+    moving = {
+        "x": any(r.has_cart for r in everything),
+        "psi": any(r.has_swing for r in everything),
+        "l": any(r.has_hoist for r in everything),
+    }
+    axes = tuple(axis for axis in AXES if moving[axis])
+    requires(model, axes)
+    _check_sensors(recordings)
+    _check_holdout(model, recordings, holdout)
+    still = constant_inputs(tuple(recordings))
+    for name, gain in (("u_x", "cart_gain"), ("u_l", "hoist_gain")):
+        if name in still and gain not in model.known:
+            names = ", ".join(r.name for r in recordings if getattr(r, name) is not None)
+            raise InputError(
+                f"{names}: {name} never changes, so {gain} cannot be estimated: record a run in which it changes, "
+                f"or list {gain} under known in the model"
+            )
+    units: dict[str, str] = {}
+    for recording in everything:
+        units |= recording.units
+    lengths = [
+        float(np.mean(r.l)) if r.l is not None else r.locked_length
+        for r in recordings
+        if r.l is not None or r.locked_length is not None
+    ]
+    known_lengths = [value for value in lengths if value is not None]
+    length = float(np.mean(known_lengths)) if known_lengths else 0.5
+    # The hold-out serves for channels that nothing else tells of, and for nothing more.
+    noise = noise_floor(holdout) | noise_floor(recordings)
+    step = min((_step_for(r, noise["psi"], model.plant) for r in everything if r.psi is not None), default=_STEP)
+    return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length, step)
+
+
+def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
+    """A step [s] whose own error, in a free swing like the recorded one, is small beside the angle's noise [rad].
+
+    The midpoint method makes a swing of frequency `w` too fast by `(w h)^2 / 6` of it. Where one is long, and wide or
+    quick, no other start makes up for that, and it would seem to hang on another length of rope.
+    """
+    assert recording.psi is not None
+    size = recording.psi - np.mean(recording.psi)
+    times, weights = recording.times - recording.start, size**2 + 1e-12
+    length = recording.locked_length if recording.l is None else float(np.average(recording.l, weights=weights))
+    if length is None or not length > 0.0:
+        return _STEP
+    # A later or earlier start takes up a part of it.
+    late = times - np.average(times, weights=weights)
+    bridge = plant.bridge
+    # A light cart is swung by its load.
+    share = float(bridge.load_mass / bridge.cart_mass) if recording.has_cart else 0.0
+    frequency = float(np.sqrt(bridge.gravity / length * (1.0 + share)))
+    fast = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) / 6.0
+    return max(min(_STEP, float(np.sqrt(_OWN * noise / max(fast, 1e-12)))), _STEP / _FINEST)
+
+
+def _check_sensors(recordings: Sequence[Recording]) -> None:
+    """Refuses a reading that never changes although what it measures must."""
+    for axis, cause, least, what in (
+        ("x", "u_x", 0.0, "u_x does"),
+        ("psi", "x", _TRAVEL, "the cart moves"),
+        ("l", "u_l", 0.0, "u_l does"),
+    ):
+        seen = [r for r in recordings if getattr(r, axis) is not None]
+        if not seen or any(np.ptp(getattr(r, axis)) > 0 for r in seen):
+            continue
+        for recording in seen:
+            values = getattr(recording, cause)
+            if values is not None and np.ptp(values) > least:
+                raise InputError(
+                    f"{recording.name}, column {axis}: it never changes, although {what}: check the sensor, or leave "
+                    f"the column out ([columns] {axis} = false in the sidecar)"
+                )
+
+
+def _check_holdout(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Refuses a proof that asks for numbers of which no recording tells, and one that is a copy of what it proves."""
+    for part, has, numbers in (
+        ("a cart", "has_cart", ("cart_mass", "cart_gain", "cart_damping")),
+        ("a swing", "has_swing", ("load_mass", "swing_damping")),
+        ("a driven hoist", "has_hoist", ("hoist_gain", "hoist_damping")),
+    ):
+        if any(getattr(r, has) for r in recordings):
+            continue
+        unknown = [name for name in numbers if name not in model.known]
+        for proof in holdout:
+            if getattr(proof, has) and unknown:
+                raise InputError(
+                    f"{proof.name}: {part}, which no other recording has, so {unknown[0]} would be a guess: leave it "
+                    f"out of the proof, add a recording with {part}, or list {', '.join(unknown)} under known"
+                )
+    for proof in holdout:
+        for recording in recordings:
+            if _same_samples(proof, recording):
+                raise InputError(
+                    f"{proof.name}: the same samples as {recording.name}; a proof needs a recording of its own"
+                )
+
+
+def _same_samples(one: Recording, other: Recording) -> bool:
+    pairs = [(getattr(one, name), getattr(other, name)) for name in ("times", "u_x", "u_l", *AXES)]
+    return all(a is b or (a is not None and b is not None and np.array_equal(a, b)) for a, b in pairs)
+
+
+def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
+    """The model with a mass held where nothing else tells how large forces are, and a sentence on that.
+
+    Masses, gains, dampings and levels of friction have a factor in common that no motion shows. If all of them were
+    free, no force could be told from its absence.
+    """
+    table = ParameterTable(model.plant)
+    forces = {
+        entry.group
+        for entry in table.entries
+        if set(entry.unit.replace("/", " ").split()) & {"N", "kg"} and _axis_of(entry) in axes
+    }
+    mass = next((name for name, axis in _PART_OF.items() if name.endswith("_mass") and axis in axes), None)
+    if mass is None or forces & model.known:
+        return model, None
+    told = f"Nothing that is known has a unit of force or mass, so {mass} was taken for known: all forces go with it."
+    return dataclasses.replace(model, known=model.known | {mass}), told
+
+
+def _axis_of(entry: Entry) -> str:
+    return _PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
+
+
+def _site_of(entry: Entry) -> str:
+    return entry.group.split("@", 1)[1].split(".")[0].split("#")[0]
+
+
+def resolve(plant: Plant, length: float) -> Plant:
+    """The plant with reference lengths that the model file leaves open set to the recordings' mean rope length [m]."""
+    effects = []
+    for effect in plant.effects:
+        reference = getattr(effect, "length", None)
+        if reference is not None and bool(jnp.isnan(reference)):
+            effect = eqx.tree_at(lambda e: e.length, effect, jnp.asarray(length))
+        effects.append(effect)
+    return Plant(plant.bridge, tuple(effects))
+
+
+def free_places(table: ParameterTable, known: frozenset[str], setting: Setting) -> NDArray[np.int64]:
+    """Places of the parameters that a fit estimates: not known, of parts that move, and meant to be fitted."""
+    known_places = {place for name in known for place in table.positions(name)}
+    places = []
+    for place, may in enumerate(table.fitted()):
+        if not may or place in known_places:
+            continue
+        entry = table.entry(place)
+        if entry.owner < 0:
+            axis = _PART_OF[entry.key]
+            if axis not in setting.axes and not (entry.key == "load_mass" and "l" in setting.axes):
+                continue
+        else:
+            site = _site_of(entry)
+            # A locked rope's length sensor still tells the length.
+            if AXIS_OF_SITE[site] not in setting.axes and site != "l_sensor":
+                continue
+        places.append(place)
+    return np.array(places, np.int64)
+
+
+def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[dict[int, float]]:
+    """Each recording's own parameter values, by place."""
+    return [
+        {place: value for name, value in recording.override.items() for place in table.positions(name)}
+        for recording in recordings
+    ]
+
+
+def scene_of(setting: Setting, plant: Plant) -> Scene:
+    """What the training recordings cover."""
+    low, high, speed = {}, {}, {}
+    for name in (*AXES, "u_x", "u_l"):
+        parts = [getattr(r, name) for r in setting.recordings if getattr(r, name) is not None]
+        values = np.concatenate(parts) if parts else np.zeros(1)
+        low[name], high[name] = float(values.min()), float(values.max())
+    for axis in AXES:
+        rates = []
+        for r in setting.recordings:
+            values = getattr(r, axis)
+            if values is not None:
+                fresh = r.fresh[axis]
+                t, y = r.times[fresh], values[fresh]
+                k = max(1, int(0.05 / max(np.median(np.diff(t)), 1e-6)))
+                rates.append(np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k]))
+        speed[axis] = float(np.quantile(np.concatenate(rates), 0.95)) if rates else 0.1
+    friction = dict.fromkeys(SITES, 0.0)
+    for site in (CART, SWING, HOIST):
+        for effect in plant.all(CoulombFriction, site):
+            # A level that the fit has brought to zero still takes what is common to an added law.
+            friction[site] += max(float(effect.level), 1e-9)
+    return Scene(
+        low=low,
+        high=high,
+        speed=speed,
+        duration=max(r.duration for r in setting.recordings),
+        period=float(np.median([r.period for r in setting.recordings])),
+        length=setting.length,
+        bridge={
+            "cart_mass": float(plant.bridge.cart_mass),
+            "load_mass": float(plant.bridge.load_mass),
+            "gravity": float(plant.bridge.gravity),
+        },
+        friction=friction,
+    )

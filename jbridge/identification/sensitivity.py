@@ -1,0 +1,263 @@
+"""Predictions of windows and their forward sensitivities, for many parameter vectors at once.
+
+A recording is simulated from its first sample to its last, and the measured coordinates are set anew wherever a window
+begins. So one program serves windows of every length: where they begin is data. Hidden states (a lag, a bent spring, a
+belt, a second pendulum) are never set; they follow from the simulation of what came before.
+
+Forward mode, since a fit has few parameters and many residuals: one tangent for each free parameter and one for each
+coordinate and velocity of a window's beginning. A window's tangents end where the next one begins, so that those six
+columns serve all windows of a recording together. Which parameters are free is data as well.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from .._programs import kept
+from .._types import AXES, Axes
+from ..model.effects.base import AbstractSensor
+from ..model.effects.sensors import SensorDelay, SensorScale
+from ..model.parameters import ParameterTable
+from ..model.plant import Motion, Plant
+from ..rollout import MIDPOINT, Interval, Motions, advance, read, sample_times, start, timetable
+from .data.windows import Course
+
+STATES = 6
+"""Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
+_WIDTHS = (6, 12, 24)
+"""Parameter columns that programs are compiled for; more than the last are taken in several calls."""
+_LANES = 16
+"""Simulations of one call."""
+_THREADS = max(1, min(2, os.cpu_count() or 1))
+_FAR = 1e3
+_FAST = 1e3
+"""Bounds of coordinates [m, rad] and velocities, beyond which a simulation has run away: it goes on there, so that it
+counts as one that is far off, not as one that says nothing."""
+_WOUND_IN = 0.01
+"""Shortest rope [m]."""
+
+
+class Job(NamedTuple):
+    """One simulation of a recording."""
+
+    vector: NDArray[np.float64]
+    """All parameters of the plant."""
+    recording: int
+    begins: NDArray[np.int64]
+    """Samples at which windows begin,"""
+    states: NDArray[np.float64]
+    """and the readings and their rates there, `(window, 6)`."""
+    free: NDArray[np.int64] = np.zeros(0, np.int64)
+    """Places of the parameters whose tangents are wanted."""
+
+
+class Sensitivity(NamedTuple):
+    """What a job gives, on the recording's grid."""
+
+    predicted: NDArray[np.float64]
+    """Readings, `(sample, 3)`."""
+    tangents: NDArray[np.float64]
+    """Their derivatives by the free parameters and by the six numbers of a beginning, `(column, sample, 3)`."""
+
+
+class Engine:
+    """Compiled simulations of one plant structure."""
+
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int):
+        self.table = ParameterTable(plant)
+        self.substeps = substeps
+        self.count = len(courses)
+        self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
+        self.samples = self._courses.lane.dt.shape[1] + 1
+
+    def predict(self, jobs: Sequence[Job]) -> list[NDArray[np.float64]]:
+        """Readings of every job, `(sample, 3)`."""
+        out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
+
+        def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+            out[i] = found[0][lane]
+
+        self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], 0, _predicted, keep)
+        return out
+
+    def sensitivities(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
+        """Predictions and tangents of every job, each handed to `take` with the job's number when it is there.
+
+        They are handed over one by one because those of all jobs together would not fit into memory.
+        """
+        most = max((len(job.free) for job in jobs), default=0)
+        width = next((w for w in _WIDTHS if w >= most), _WIDTHS[-1])
+        parts = []
+        for i, job in enumerate(jobs):
+            edges = range(0, max(len(job.free), 1), width)
+            parts += [(i, job.free[a : a + width]) for a in edges]
+        pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
+
+        def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+            got = pending.setdefault(i, [])
+            got.append((found[0][lane], found[1][lane]))
+            wanted = len(jobs[i].free)
+            if len(got) * width >= max(wanted, 1):
+                columns = np.concatenate([tangents[:width] for _, tangents in got])[:wanted]
+                take(i, Sensitivity(got[0][0], np.concatenate([columns, got[0][1][width:]])))
+                del pending[i]
+
+        self._run(jobs, parts, width, _pushed, keep)
+
+    def _run(
+        self,
+        jobs: Sequence[Job],
+        parts: Sequence[tuple[int, NDArray[np.int64]]],
+        width: int,
+        program: Callable,
+        keep: Callable[[int, int, tuple[NDArray[np.float64], ...]], None],
+    ) -> None:
+        """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order."""
+        calls = [parts[a : a + _LANES] for a in range(0, len(parts), _LANES)]
+
+        def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
+            # A short call repeats its last part: one shape, one program.
+            full = [*own, *([own[-1]] * (_LANES - len(own)))]
+            size = self.table.size
+            vectors, towards = np.zeros((_LANES, size)), np.zeros((_LANES, width, size))
+            restart = np.zeros((_LANES, self.samples))
+            states = np.zeros((_LANES, self.samples, STATES))
+            which = np.zeros(_LANES, np.int64)
+            for k, (i, places) in enumerate(full):
+                job = jobs[i]
+                vectors[k], which[k] = job.vector, job.recording
+                towards[k, np.arange(len(places)), places] = 1.0
+                restart[k, job.begins] = 1.0
+                states[k, job.begins] = job.states
+            courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
+            given = (vectors, towards, courses, restart, states)
+            return tuple(np.asarray(part) for part in program(self.table, *given, self.substeps))
+
+        with ThreadPoolExecutor(_THREADS) as pool:
+            # Few calls wait in memory at a time.
+            for a in range(0, len(calls), 2 * _THREADS):
+                some = calls[a : a + 2 * _THREADS]
+                for own, found in zip(some, pool.map(call, some), strict=True):
+                    for lane, (i, _) in enumerate(own):
+                        keep(i, lane, found)
+
+
+@kept(static=(0, 6))
+def _predicted(
+    table: ParameterTable,
+    vectors: Float[Array, "lane parameter"],
+    towards: Float[Array, "lane column parameter"],
+    courses: Course,
+    restart: Float[Array, "lane sample"],
+    states: Float[Array, "lane sample state"],
+    substeps: int,
+) -> tuple[Array]:
+    def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
+        return _simulated(table, vector, course, restart, states, substeps)
+
+    return (jax.vmap(one)(vectors, courses, restart, states),)
+
+
+@kept(static=(0, 6))
+def _pushed(
+    table: ParameterTable,
+    vectors: Float[Array, "lane parameter"],
+    towards: Float[Array, "lane column parameter"],
+    courses: Course,
+    restart: Float[Array, "lane sample"],
+    states: Float[Array, "lane sample state"],
+    substeps: int,
+) -> tuple[Array, Array]:
+    def one(vector: Array, towards: Array, course: Course, restart: Array, states: Array) -> tuple[Array, Array]:
+        along = jnp.concatenate([towards, jnp.zeros((STATES, vector.shape[0]))])
+        begun = jnp.concatenate([jnp.zeros((towards.shape[0], STATES)), jnp.eye(STATES)])
+
+        def push(direction: Array, change: Array) -> tuple[Array, Array]:
+            everywhere = jnp.broadcast_to(change, states.shape)
+            return jax.jvp(
+                lambda vector, states: _simulated(table, vector, course, restart, states, substeps),
+                (vector, states),
+                (direction, everywhere),
+            )
+
+        return jax.vmap(push, out_axes=(None, 0))(along, begun)
+
+    return jax.vmap(one)(vectors, towards, courses, restart, states)
+
+
+def _simulated(
+    table: ParameterTable,
+    vector: Float[Array, " parameter"],
+    course: Course,
+    restart: Float[Array, " sample"],
+    states: Float[Array, "sample state"],
+    substeps: int,
+) -> Float[Array, "sample 3"]:
+    """Readings of one recording, with the measured coordinates set anew where `restart` is 1."""
+    plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector))
+    lane = course.lane
+    times = sample_times(lane.start, lane.dt)
+    q, v = _behind_sensors(plant, times, states)
+    told, lags = timetable(plant, lane, substeps)
+    first = start(plant, jnp.stack([*(part[0] for part in q), *(part[0] for part in v)]), lags, lane.active)
+
+    def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
+        told, begins, q, v = now
+        carry = _set(carry, begins, q, v)
+        after = _bounded(advance(plant, carry, told, lane.active, method=MIDPOINT))
+        return after, (carry.q, carry.v)
+
+    along = jax.tree.map(lambda part: part[:-1], (restart, q, v))
+    last, moved = jax.lax.scan(interval, first, (told, *along))
+    moved = jax.tree.map(lambda path, end: jnp.concatenate([path, end[None]]), moved, (last.q, last.v))
+    return read(plant, times, *moved)
+
+
+def _behind_sensors(plant: Plant, times: Array, states: Array) -> tuple[Axes, Axes]:
+    """Coordinates and rates of which the sensors read `states`, for every sample.
+
+    A sensor's error is taken at the reading in place of the true coordinate, which differs by the error itself.
+    """
+    q, v = [states[:, k] for k in range(3)], [states[:, k + 3] for k in range(3)]
+    for k, axis in enumerate(AXES):
+        for sensor in sorted(plant.all(AbstractSensor, f"{axis}_sensor"), key=lambda sensor: -sensor.order):
+            if isinstance(sensor, SensorScale):
+                q[k], v[k] = q[k] / sensor.scale, v[k] / sensor.scale
+            else:
+                q[k] = q[k] - (sensor.read(times, q[k], q[k]) - q[k])
+        for late in plant.all(SensorDelay, f"{axis}_sensor"):
+            q[k] = q[k] + late.delay * v[k]
+    return Axes(*q), Axes(*v)
+
+
+def _set(carry: Motions, begins: Array, q: Axes, v: Axes) -> Motions:
+    """The motion with measured coordinates set anew where a window begins; what is hidden keeps its deflection."""
+
+    def moved(old: Motion, new: Axes) -> Motion:
+        x, psi, l = (jnp.where(begins > 0, a, b) for a, b in zip(new, old.axes, strict=True))  # noqa: E741
+        motor = None if old.motor is None else old.motor + (x - old.x)
+        loaded = None if old.loaded is None else old.loaded + (l - old.l)
+        phi = None if old.phi is None else old.phi + (psi - old.psi)
+        return Motion(x, psi, l, motor, loaded, phi)
+
+    return carry._replace(q=moved(carry.q, q), v=moved(carry.v, v))
+
+
+def _bounded(carry: Motions) -> Motions:
+    def within(value: Array, low: float, high: float) -> Array:
+        return jnp.clip(jnp.where(jnp.isfinite(value), value, high), low, high)
+
+    least = Motion._fields.index("l"), Motion._fields.index("loaded")
+    q = [
+        None if part is None else within(part, _WOUND_IN if k in least else -_FAR, _FAR)
+        for k, part in enumerate(carry.q)
+    ]
+    v = [None if part is None else within(part, -_FAST, _FAST) for part in carry.v]
+    return carry._replace(q=carry.q._make(q), v=carry.v._make(v))
