@@ -48,7 +48,7 @@ class Index:
 def index(data: Data) -> Index:
     """Lists the windows of all tilings, and how much each tells of laws of motion."""
     parts, counts, motions = [], [], []
-    for number, tiling in enumerate(data.tilings):
+    for own, tiling in enumerate(data.tilings):
         r = tiling.recording
         for a, b in zip(tiling.count_from, tiling.stops, strict=True):
             seen = data.measured[r, a:b]
@@ -59,9 +59,9 @@ def index(data: Data) -> Index:
             counts.append(count)
             motions.append(np.where(count > 0, signal / (signal + _MOTION**2), 0.0))
         for a, b in zip(tiling.begins, tiling.stops, strict=True):
-            parts.append((r, tiling.horizon, number, a, b))
-    columns = [np.array(column) for column in zip(*parts, strict=True)]
-    return Index(*columns, np.array(counts, float), np.array(motions, float))
+            parts.append((r, tiling.horizon, own, a, b))
+    recording, horizon, number, begin, stop = (np.array(column) for column in zip(*parts, strict=True))
+    return Index(recording, horizon, number, begin, stop, np.array(counts, float), np.array(motions, float))
 
 
 @dataclasses.dataclass(frozen=True)

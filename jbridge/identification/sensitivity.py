@@ -260,4 +260,4 @@ def _bounded(carry: Motions) -> Motions:
         for k, part in enumerate(carry.q)
     ]
     v = [None if part is None else within(part, -_FAST, _FAST) for part in carry.v]
-    return carry._replace(q=carry.q._make(q), v=carry.v._make(v))
+    return carry._replace(q=Motion._make(q), v=Motion._make(v))
