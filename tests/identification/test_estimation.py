@@ -1,0 +1,72 @@
+"""Fits find the truth of simulated recordings, from poor starts, and larger models meet them no worse."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from jbridge.identification.data.windows import make_data
+from jbridge.identification.estimation import engine_for, fit_structure, make_problem, start_of
+from jbridge.identification.problem import make_setting
+from jbridge.identification.solver import Start
+from jbridge.model.files import Model
+from tests.identify.cases import DRY, cart_model, cart_recordings, play, scaled, steps, values
+from tests.problems import EVERY_AXIS, NUMBERS, make_plant
+
+TRUTH = make_plant(DRY)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return cart_recordings(TRUTH, 3)
+
+
+def fitted(model, runs):
+    problem = make_problem(make_setting(model, runs, []), make_data(runs))
+    return fit_structure(problem, model.plant, model.known)
+
+
+def test_truth_is_found_from_a_poor_start(runs):
+    start = scaled(cart_model(DRY), {"cart_gain": 0.5, "cart_damping": 2.0, "coulomb_friction@cart.level": 0.3})
+    _, model = fitted(start, runs)
+    found, true = values(model.plant), values(TRUTH)
+    for name in ("cart_gain", "cart_damping", "coulomb_friction@cart.level"):
+        assert found[name] == pytest.approx(true[name], rel=0.02), name  # noise, and steps of 5 ms in place of RK4's
+    assert np.sqrt(np.median(model.point.square[:, 0])) < 1.3
+
+
+def test_optimum_is_that_of_a_general_minimiser(runs):
+    """SciPy's simplex over the criterion, each window's initial state solved for at every point."""
+    problem, model = fitted(cart_model(), runs[:1])
+    engine, free = model.engine, model.free
+
+    def criterion(numbers):
+        vector = model.vector.copy()
+        vector[free] = numbers
+        start = Start(vector, free[:0], model.point.states)
+        return problem.solve(engine, [start], iterations=4)[0].value
+
+    rough = minimize(criterion, model.vector[free], method="Nelder-Mead", options={"maxfev": 60})
+    assert model.point.value <= rough.fun + 0.02 * abs(rough.fun)
+
+
+def test_a_larger_model_is_no_worse(runs):
+    problem, small = fitted(cart_model(), runs)
+    large = cart_model(("coulomb_friction", "cart", {"level": 0.0}))
+    engine = engine_for(problem, large.plant)
+    begun = start_of(problem, engine, large.plant, large.known)
+    vector = begun.vector.copy()
+    vector[: len(small.vector)] = small.vector
+    [point] = problem.solve(engine, [Start(vector, begun.free, small.point.states)])
+    assert point.value < small.point.value - 100.0
+
+
+def test_a_load_that_its_winch_does_not_hold_is_no_reason_to_refuse():
+    """A model whose rope runs out in a free run is fitted to what short windows show."""
+
+    true = make_plant(("coulomb_friction", "hoist", {"level": 3.0}))
+    u = np.stack([steps(800, 1), 1.5 * steps(800, 2)], axis=1)
+    run = play(true, u, active=EVERY_AXIS, start={"x": 0.6, "l": 0.6})
+    known = frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"})
+    _, model = fitted(Model(make_plant(), known, frozenset(NUMBERS), {}, ""), [run])
+    assert np.isfinite(model.point.value)
+    assert values(model.plant)["cart_gain"] == pytest.approx(values(true)["cart_gain"], rel=0.05)

@@ -1,0 +1,60 @@
+"""The criterion: effective numbers of samples against theory, weights against its gradient."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from jbridge.identification.data.windows import make_data
+from jbridge.identification.likelihood import index, likelihood
+from tests.identify.cases import FULL, make_recording
+
+
+@pytest.fixture(scope="module")
+def data():
+    times = np.arange(6000) * 0.01
+    x = 0.5 + 0.2 * np.sin(times)
+    return make_data([make_recording("run.csv", times, u_x=np.sin(times), x=x)], (1.0, 3.0))
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
+def test_effective_number_of_an_autoregressive_process(data, pole):
+    noise = np.random.default_rng(0).standard_normal(data.samples)
+    residual = np.zeros((data.samples, 3))
+    residual[:, 0] = lfilter([1.0], [1.0, -pole], noise)
+    found = likelihood(data, index(data), [residual] * len(data.tilings))
+    # N (1 - pole) / (1 + pole) for an infinitely long one; windows cut correlations short and the sum is estimated.
+    assert found.total == pytest.approx(6000 * (1 - pole) / (1 + pole), rel=0.25)
+
+
+def test_weights_are_the_gradient(data):
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    square = np.random.default_rng(1).uniform(0.5, 1e4, windows.count.shape)
+    weights = found.weights(square)
+    for w in (0, 5, len(square) - 1):
+        moved = [square.copy(), square.copy()]
+        step = 1e-4 * square[w, 0]
+        moved[0][w, 0] += step
+        moved[1][w, 0] -= step
+        slope = (found.value(moved[0]) - found.value(moved[1])) / (2 * step)
+        # The criterion counts half the weighted squares of all samples of the window.
+        assert 0.5 * weights[w, 0] * windows.count[w, 0] == pytest.approx(slope, rel=1e-5)
+
+
+def test_windows_at_rest_count_for_little():
+    times = np.arange(400) * 0.01
+    still = make_recording("rest.csv", times, u_x=np.sin(times), x=np.full(400, 0.5))
+    moving = make_recording("run.csv", times, **FULL)
+    told = index(make_data([still, moving], (1.0,), {"x": 4e-5, "psi": 6e-4, "l": 4e-5}))
+    rest, run = told.motion[told.recording == 0, 0], told.motion[told.recording == 1, 0]
+    assert rest.max() < 0.01 and run.min() > 0.9
+
+
+def test_every_horizon_counts_the_same(data):
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    level = dataclasses.replace(found, share=found.share / np.maximum(windows.motion, 1e-12))
+    totals = [level.share[windows.horizon == h, 0].sum() for h in data.horizons]
+    assert totals[0] == pytest.approx(totals[1])

@@ -1,0 +1,86 @@
+"""Windows simulated through a recording against rollouts of their own, and tangents against central differences."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jbridge.identification.data.windows import WHOLE, make_data
+from jbridge.identification.estimation import engine_for, make_problem, start_of
+from jbridge.identification.problem import make_setting
+from jbridge.identification.sensitivity import Job
+from jbridge.model.files import Model
+from jbridge.rollout import MIDPOINT
+from tests.identify.cases import play, steps
+from tests.problems import EVERY_AXIS, NUMBERS, make_lane, make_plant, measure, simulate
+
+DRY = make_plant(
+    ("coulomb_friction", "cart", {"level": 3.0}),
+    ("coulomb_friction", "hoist", {"level": 2.0}),
+    ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.25}),
+    ("sensor_offset", "psi_sensor", {"offset": 0.01}),
+    ("sensor_scale", "l_sensor", {"scale": 1.03}),
+    swing_damping=0.01,
+)
+
+
+def problem_of(plant, horizons):
+    inputs = [np.stack([steps(150, i), 0.7 * steps(150, 5 + i) - 0.3], axis=1) for i in range(2)]
+    runs = [
+        play(plant, u, name=f"{i}.csv", active=EVERY_AXIS, start={"x": 0.6, "psi": 0.1}, seed=i)
+        for i, u in enumerate(inputs)
+    ]
+    model = Model(plant, frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"}), frozenset(NUMBERS), {}, "")
+    problem = make_problem(make_setting(model, runs, []), make_data(runs, horizons))
+    engine = engine_for(problem, plant)
+    return problem, engine, start_of(problem, engine, plant, model.known), inputs
+
+
+def test_windows_are_rollouts_of_their_own():
+    plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), swing_damping=0.01)
+    problem, engine, start, inputs = problem_of(plant, (0.3,))
+    for tiling in problem.data.tilings:
+        [predicted] = engine.predict([Job(start.vector, tiling.recording, tiling.begins, tiling.states)])
+        for begin, stop, state in zip(tiling.begins, tiling.stops, tiling.states, strict=True):
+            lane = make_lane(inputs[tiling.recording][begin : stop - 1], 0.01, active=EVERY_AXIS)
+            own = measure(
+                plant, lane, simulate(plant, jnp.asarray(state), lane, substeps=engine.substeps, method=MIDPOINT)
+            )
+            # The same steps in another order of operations.
+            assert np.abs(predicted[begin:stop] - own).max() < 1e-9
+
+
+@pytest.mark.parametrize("horizon", [0.3, WHOLE])
+def test_tangents_against_central_differences(horizon):
+    problem, engine, start, _ = problem_of(DRY, (horizon,))
+    tiling = problem.data.tilings[0]
+    # From rest, where friction has a kink, no difference is a derivative.
+    states = tiling.states + np.array([0.0, 0.0, 0.0, 0.3, 0.2, 0.1])
+    found = {}
+    job = Job(start.vector, 0, tiling.begins, states, start.free)
+    engine.sensitivities([job], lambda i, told: found.setdefault(i, told))
+    ours = found[0].tangents
+    end = problem.data.grids[0].intervals + 1
+    jobs = []
+    for place in start.free:
+        for sign in (1.0, -1.0):
+            moved = start.vector.copy()
+            moved[place] += sign * 1e-5 * max(abs(moved[place]), 0.1)
+            jobs.append(Job(moved, 0, tiling.begins, states))
+    for k in range(6):
+        for sign in (1.0, -1.0):
+            jobs.append(Job(start.vector, 0, tiling.begins, states + sign * 1e-6 * np.eye(6)[k]))
+    runs = engine.predict(jobs)
+    sizes = [*(1e-5 * np.maximum(np.abs(start.vector[start.free]), 0.1)), *[1e-6] * 6]
+    for column, size in enumerate(sizes):
+        wanted = (runs[2 * column] - runs[2 * column + 1])[:end] / (2 * size)
+        # Stops and reversals move with the parameters, and a step of the difference crosses some of them.
+        assert np.abs(ours[column][:end] - wanted).max() <= 2e-2 * max(np.abs(wanted).max(), 1e-6), column
+
+
+def test_a_simulation_that_runs_away_is_far_off_and_finite():
+    plant = make_plant(hoist_gain=3.0)
+    problem, engine, start, _ = problem_of(plant, (WHOLE,))
+    lost = start.vector.copy()
+    lost[engine.table.positions("hoist_gain")] = 1e6
+    [predicted] = engine.predict([Job(lost, 0, problem.data.tilings[0].begins, problem.data.tilings[0].states)])
+    assert np.isfinite(predicted).all()
