@@ -24,7 +24,8 @@ _TIES = 1e-6
 """Strength of ties between neighbouring levels of a map over what the recordings say of the level that they tell most
 of: nothing where a place was visited; one that was not takes the level of those beside it (P-splines, Eilers and Marx,
 Statistical Science 11, 1996)."""
-_FAINT = 1e-12
+_FAINT, _LOST = 1e-12, 1e12
+"""Guards of divisions and products."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,7 +195,8 @@ def normal_equations(
         r = tiling.recording
         scale = np.where(data.measured[r], 1.0 / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]), 0.0)
         table = np.concatenate([found.tangents, (found.predicted - data.y[r])[None]]) * scale[None]
-        table = np.nan_to_num(table, nan=0.0, posinf=0.0, neginf=0.0)
+        # A simulation that runs away has no tangents to go by.
+        table = np.where(np.abs(table) < _LOST, table, 0.0)
         # Channels first, so that products of windows are products of contiguous matrices.
         table = np.ascontiguousarray(np.moveaxis(table, 2, 0))
         n = len(point.free)
