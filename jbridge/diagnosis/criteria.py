@@ -9,7 +9,7 @@ class Criteria:
     unless its line says otherwise."""
 
     met: float = 1.5
-    """Error over noise, or over measured scatter, up to which a channel is met; half of it would call noise an error."""
+    """Error over noise, or measured scatter, up to which a channel is met; half of it would call noise an error."""
     named: float = 0.5
     """Share of the excess squared error of the hold-out that confirmed effects must close for `missing_physics`."""
     confirmed: float = 2.0

@@ -14,24 +14,31 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import free_places
 from ..identification.solver import Normal, Point, Start, bounded_step, ties
-from ..model.effects.base import AXIS_OF_SITE
-from ..model.effects.catalogue import CATALOGUE
-from ..model.effects.friction import CoulombFriction, PositionDependentFriction, PositionDirectionFriction
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
+from ..model.effects.catalogue import CATALOGUE, make_effect
+from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
+from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
+from .candidates import WRONG_VALUE, Candidate
 from .criteria import CRITERIA
 from .space import Name, Space, is_apart, make_space, proposals
 
+_SOME = 3
+"""Recordings on which proposals are screened and first refitted."""
+_MOST_STARTS = 3
+"""Places to start one effect from that are screened by simulation."""
 _SHORT = 2
 """Horizons on which proposals are screened and first refitted: the shortest ones, on which models are nearly linear."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 _TRIAL, _POLISH = 3, 8
 """Iterations of a first refit, and of a fit to all windows."""
-_SIMPLER = ("coulomb_friction", "direction_dependent_friction")
+_SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
+"""Laws that stand in a map's place, and what is free of them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,19 +80,8 @@ class Move:
     vector: NDArray[np.float64]
     free: NDArray[np.int64]
     price: float
-
-
-@dataclasses.dataclass
-class Search:
-    """What does not change during a search, and what happened in it."""
-
-    problem: Problem
-    model: Plant
-    known: frozenset[str]
-    tell: Callable[[str], None]
-    deadline: float
-    history: list[dict[str, object]] = dataclasses.field(default_factory=list)
-    spaces: dict[tuple[Name, ...], Space] = dataclasses.field(default_factory=dict)
+    absent: NDArray[np.float64] | None = None
+    """The parameters at which what is added is absent."""
 
 
 def select(
@@ -113,7 +109,7 @@ def select(
         history.append(_row(now, found))
         if not better:
             return problem, held, history, "criterion" if time.monotonic() < deadline else "budget"
-        held.append(min(better, key=lambda s: s.value))
+        held.append(_among_all(problem, min(better, key=lambda s: s.value)))
         if time.monotonic() > deadline:
             return problem, held, history, "budget"
     return problem, held, history, "criterion"
@@ -158,10 +154,10 @@ def revalued(problem: Problem, structure: Structure) -> Structure:
 # ------------------------------------------------------------------ proposals
 
 
-def _proposed(problem: Problem, now: Structure, deadline: float) -> list[Move]:
-    """Moves worth a fit to all windows."""
-    part = problem.of_horizons(problem.data.horizons[:_SHORT])
-    states = problem.states_of(now.point.states, part.data.horizons)
+def _proposed(problem: Problem, now: Structure, deadline: float) -> tuple[list[Move], Callable[[], list[Move]]]:
+    """Moves worth a fit to all windows, and a call for those with a program of their own."""
+    part = problem.of_horizons(problem.data.horizons[:_SHORT]).of_some(_SOME)
+    states = problem.states_of(now.point.states, part)
     every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
     shared = [c for c in every if not is_apart(c.kind)]
     scored = sorted(_screened(part, now, states, shared), key=lambda found: found[0])
@@ -177,18 +173,21 @@ def _proposed(problem: Problem, now: Structure, deadline: float) -> list[Move]:
             chosen.append(best)
     moves = [_adding(problem, now, c, vector, number, _grid(every, c)) for _, c, vector in chosen]
     # Each refitted on the shorter windows, from the screen's estimate and from the effect's absence.
-    starts = [Start(m.vector, m.free, states) for m in moves]
-    absent = [dataclasses.replace(m, vector=_at_seed(now, c)) for m, (_, c, _) in zip(moves, chosen, strict=True)]
-    starts += [Start(m.vector, m.free, states) for m in absent]
-    fits = part.solve(now.space.engine, starts, _TRIAL)
-    best = []
-    for i, move in enumerate(moves):
-        point = min(fits[i], fits[i + len(moves)], key=lambda p: p.value)
-        best.append((point.value + move.price, dataclasses.replace(move, vector=point.vector)))
-    best.sort(key=lambda found: found[0])
-    out = [move for _, move in best[: CRITERIA.polished]]
-    out += _removals(now) + _simplifications(problem, now)
-    return out, (lambda: _apart(problem, part, now, states, every, number, best, deadline))
+    fits = part.solve(now.space.engine, [Start(m.vector, m.free, states) for m in moves], _TRIAL)
+    parent = part.likelihood.value(problem.square_of(now.point.square, part))
+    # Where the screen's estimate leads astray, the effect starts from its absence.
+    astray = [i for i, point in enumerate(fits) if not point.value < parent]
+    begun = [Start(_at_seed(now, chosen[i][1]), moves[i].free, states) for i in astray]
+    for i, point in zip(astray, part.solve(now.space.engine, begun, _TRIAL), strict=True):
+        fits[i] = min(fits[i], point, key=lambda p: p.value)
+    refitted = [
+        (point.value + move.price, dataclasses.replace(move, vector=point.vector))
+        for move, point in zip(moves, fits, strict=True)
+    ]
+    refitted.sort(key=lambda found: found[0])
+    out = [move for _, move in refitted[: CRITERIA.polished]]
+    out += _removals(problem, now) + _simplifications(problem, now)
+    return out, (lambda: _apart(problem, part, now, states, every, number, deadline))
 
 
 def _grid(every: Sequence[Candidate], candidate: Candidate) -> int:
@@ -210,7 +209,8 @@ def _adding(
     free = np.array(list(dict.fromkeys([*now.point.free, *_places(now, candidate)])), np.int64)
     price = now.price + _price(problem, len(free) - len(now.point.free), number, grid)
     keys = {**now.keys, candidate.name: candidate.free}
-    return Move("add", now.space, (*now.names, candidate.name), keys, vector, free, price)
+    names = (*now.names, candidate.name)
+    return Move("add", now.space, names, keys, vector, free, price, _at_seed(now, candidate))
 
 
 def _price(problem: Problem, numbers: float, candidates: int, grid: int) -> float:
@@ -243,14 +243,13 @@ def _screened(
     table = now.space.table
     starts = []
     for group in groups:
-        vector, free = now.point.vector, [*now.point.free]
+        vector, free = now.point.vector, [int(p) for p in now.point.free]
         for candidate in group:
             vector = candidate.set(table, vector)
             if candidate.harmonic:
                 # A small amplitude, so that the phase shows.
-                place = table.positions(candidate.group("amplitude"))
-                vector[place] = 1e-6
-            free += [p for p in _places(now, candidate) if p not in free]
+                vector[table.positions(candidate.group("amplitude"))] = 1e-6
+            free += [int(p) for p in _places(now, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), states))
     points = problem.evaluate(now.space.engine, starts)
     normals = problem.normal(now.space.engine, points)
@@ -268,7 +267,7 @@ def _screened(
     return out
 
 
-def _as_wave(table, candidate: Candidate, at: NDArray[np.float64], vector: NDArray[np.float64]) -> None:
+def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64], vector: NDArray[np.float64]) -> None:
     """Amplitude and phase from steps of a sine and a cosine."""
     a, p = (table.positions(candidate.group(key))[0] for key in ("amplitude", "phase"))
     sine, cosine = vector[a], at[a] * (vector[p] - at[p])
@@ -280,34 +279,34 @@ def _thinned(problem: Problem, now: Structure, states: tuple, shared: Sequence[C
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
         many.setdefault(candidate.name, []).append(candidate)
-    left = None
-    out = []
-    for own in many.values():
-        if len(own) <= _FEW:
-            out += own
-            continue
-        if left is None:
-            left = problem.residuals(now.space.engine, Start(now.point.vector, now.point.free, states))
-        scores = [_regressed(problem, now, left, candidate) for candidate in own]
-        order = np.argsort(scores)[::-1]
-        out += [own[int(i)] for i in order[:_BEST]]
+    out = [c for own in many.values() if len(own) <= _MOST_STARTS for c in own]
+    crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
+    if crowded:
+        left = problem.residuals(now.space.engine, Start(now.point.vector, now.point.free, states))
+        bridge = now.space.own.bridge
+        fade = float(bridge.cart_damping / bridge.cart_mass)
+        for own in crowded:
+            order = np.argsort(-_regressed(problem, left, own, fade), kind="stable")
+            out += [own[int(i)] for i in order[:_MOST_STARTS]]
     return out
 
 
-_FEW, _BEST = 12, 3
-"""Starts up to which all are screened, and how many are beyond."""
+def _regressed(
+    problem: Problem, left: Sequence[NDArray[np.float64]], own: Sequence[Candidate], fade: float
+) -> NDArray[np.float64]:
+    """Share of the longest screened windows' residuals that one effect's shapes explain beside a parabola, by start.
 
-
-def _regressed(problem: Problem, now: Structure, left: Sequence[NDArray[np.float64]], candidate: Candidate) -> float:
-    """Share of the longest screened windows' residual that an effect's shape explains beside a parabola."""
+    Args:
+        problem: recordings.
+        left: what the model leaves, by tiling.
+        own: places to start one effect from.
+        fade: the cart's damping over its mass [1/s].
+    """
     data = problem.data
-    k = ("x", "psi", "l").index(AXIS_OF_SITE[candidate.site])
-    horizon = data.horizons[-1]
-    total = explained = 0.0
-    bridge = now.plant.bridge
-    fade = float(bridge.cart_damping / bridge.cart_mass)
+    k = AXES.index(AXIS_OF_SITE[own[0].site])
+    explained = np.zeros(len(own))
     for tiling, residual in zip(data.tilings, left, strict=True):
-        if tiling.horizon != horizon:
+        if tiling.horizon != data.horizons[-1]:
             continue
         grid = data.grids[tiling.recording]
         for begin, stop in zip(tiling.begins, tiling.stops, strict=True):
@@ -315,32 +314,38 @@ def _regressed(problem: Problem, now: Structure, left: Sequence[NDArray[np.float
             if len(rows) < 8:
                 continue
             t, y = grid.times[rows], data.y[tiling.recording, rows, k]
-            if "time" in candidate.values:
-                shapes = [(t >= float(candidate.values["time"])).astype(float)]
-            else:
-                angle = 2 * np.pi * y / float(candidate.values["period"])
-                shapes = [np.sin(angle), np.cos(angle)]
-                if not candidate.site.endswith("sensor"):
-                    shapes = [_response(t, shape, fade) for shape in shapes]
-            basis = np.stack([np.ones_like(t), t - t[0], (t - t[0]) ** 2], axis=1)
-            q, _ = np.linalg.qr(basis)
+            s = np.stack([_shapes(c, t, y, fade) for c in own])
+            q, _ = np.linalg.qr((t - t[0])[:, None] ** np.arange(3))
             r = residual[rows, k] - q @ (q.T @ residual[rows, k])
-            s = np.stack(shapes, axis=1)
-            s = s - q @ (q.T @ s)
-            weight = 1.0 / max(float(r @ r), 1e-12)
-            norm = np.linalg.norm(s, axis=0)
-            if not (norm > 1e-9).any():
-                continue
-            fit = np.linalg.lstsq(s, r, rcond=1e-8)[0]
-            explained += weight * float(r @ r - (r - s @ fit) @ (r - s @ fit))
-            total += 1.0
-    return explained / max(total, 1.0)
+            s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
+            s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
+            gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
+            right = s @ r
+            found = np.einsum("ki,ki->k", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+            explained += found / max(float(r @ r), 1e-12)
+    return explained
+
+
+def _shapes(candidate: Candidate, t: NDArray[np.float64], y: NDArray[np.float64], fade: float) -> NDArray[np.float64]:
+    """What an effect adds to a reading, in any unit, `(shape, sample)`."""
+    values = candidate.values
+    if "time" in values:
+        return (t >= float(values["time"])).astype(float)[None]
+    if "start" in values:
+        push = ((t >= float(values["start"])) & (t < float(values["stop"]))).astype(float)
+        return _response(t, push, 0.0)[None]
+    if "end" in values:
+        beyond = y - float(values["position"])
+        return _response(t, np.maximum(beyond if values["end"] == "high" else -beyond, 0.0), fade)[None]
+    angle = 2 * np.pi * y / float(values["period"])
+    shapes = np.stack([np.sin(angle), np.cos(angle)])
+    return shapes if candidate.site.endswith("sensor") else np.stack([_response(t, s, fade) for s in shapes])
 
 
 def _response(t: NDArray[np.float64], force: NDArray[np.float64], fade: float) -> NDArray[np.float64]:
     """Way of a mass with viscous damping under a force, from rest, in any unit."""
     dt = np.diff(t, prepend=t[0])
-    grow = np.exp(fade * (t - t[0]))
+    grow = np.exp(np.minimum(fade * (t - t[0]), 300.0))
     return np.cumsum(np.cumsum(force * grow * dt) / grow * dt)
 
 
@@ -379,25 +384,60 @@ def _square(problem: Problem, products: NDArray[np.float64], step: NDArray[np.fl
 # ------------------------------------------------------------------ other moves
 
 
-def _removals(now: Structure) -> list[Move]:
+def _among_all(problem: Problem, structure: Structure) -> Structure:
+    """A structure in a space that has every effect of a shared program beside what it consists of."""
+    space = structure.space
+    if space.shared:
+        return structure
+    added = [n for n in structure.names if n[0] != WRONG_VALUE and not is_apart(n[0])]
+    return _rebuilt(problem, structure, [e for e in structure.plant.effects if (e.kind, e.site) not in added])
+
+
+def _rebuilt(problem: Problem, structure: Structure, own: Sequence[AbstractEffect]) -> Structure:
+    """A structure in the space of other effects that every model has."""
+    plant = structure.plant
+    space = make_space(problem, Plant(plant.bridge, tuple(own)), structure.space.known)
+    free = [structure.space.table.entry(int(p)).name for p in structure.point.free]
+    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
+    start = Start(space.with_values(plant), places, structure.point.states)
+    [point] = problem.evaluate(space.engine, [start])
+    return dataclasses.replace(structure, space=space, point=point)
+
+
+def _removals(problem: Problem, now: Structure) -> list[Move]:
     """Each added effect left out."""
     out = []
+    extra = max(sum(len(_free_of(now, name)) for name in now.names), 1)
     for name in now.names:
-        if is_apart(name[0]):
-            continue
         gone = _free_of(now, name)
-        vector = now.point.vector.copy()
-        table = now.space.table
-        for key in now.keys[name]:
-            group = name[1] if name[0] == WRONG_VALUE else f"{name[0]}@{name[1]}.{key}"
-            places = table.positions(group)
-            vector[places] = now.space.absent[places]
-        free = np.array([p for p in now.point.free if p not in gone], np.int64)
-        names = tuple(n for n in now.names if n != name)
+        price = now.price * (1.0 - len(gone) / extra)
         keys = {n: k for n, k in now.keys.items() if n != name}
-        share = len(gone) / max(len(now.point.free) - len(now.space.base), 1)
-        out.append(Move("leave out", now.space, names, keys, vector, free, now.price * (1.0 - share)))
+        names = tuple(n for n in now.names if n != name)
+        if is_apart(name[0]):
+            out.append(_without_apart(problem, now, name, names, keys, price))
+            continue
+        vector = now.point.vector.copy()
+        vector[gone] = now.space.absent[gone]
+        free = np.array([p for p in now.point.free if p not in gone], np.int64)
+        out.append(Move("leave out", now.space, names, keys, vector, free, price))
     return out
+
+
+def _without_apart(
+    problem: Problem,
+    now: Structure,
+    name: Name,
+    names: tuple[Name, ...],
+    keys: dict[Name, tuple[str, ...]],
+    price: float,
+) -> Move:
+    """A model without an effect that has a program of its own, which changes what all models share."""
+    own = Plant(now.plant.bridge, tuple(e for e in now.space.own.effects if (e.kind, e.site) != name))
+    space = make_space(problem, own, now.space.known)
+    gone = _free_of(now, name)
+    left = [now.space.table.entry(int(p)).name for p in now.point.free if p not in gone]
+    free = np.array([space.table.positions(entry)[0] for entry in left], np.int64)
+    return Move("leave out", space, names, keys, space.with_values(_without(now, name)), free, price)
 
 
 def _free_of(now: Structure, name: Name) -> list[int]:
@@ -407,50 +447,33 @@ def _free_of(now: Structure, name: Name) -> list[int]:
 
 
 def _simplifications(problem: Problem, now: Structure) -> list[Move]:
-    """Each map replaced by a law of one or two levels, in the space without the map."""
+    """Each map of friction replaced by a law of one or two levels."""
     out = []
     for name in now.names:
-        cls = CATALOGUE.get(name[0])
-        if cls not in (PositionDependentFriction, PositionDirectionFriction):
+        if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
             continue
         level = float(np.mean(now.point.vector[_free_of(now, name)]))
-        for kind in _SIMPLER:
-            if (kind, name[1]) in now.names or any((e.kind, e.site) == (kind, name[1]) for e in now.space.own.effects):
+        left = tuple(n for n in now.names if n != name)
+        rest = {n: k for n, k in now.keys.items() if n != name}
+        bare = _without_apart(problem, now, name, left, rest, 0.0)
+        present = {(e.kind, e.site) for e in bare.space.own.effects} | set(left)
+        for kind, keys in _SIMPLER.items():
+            if (kind, name[1]) in present:
                 continue
-            own = Plant(now.space.own.bridge, tuple(e for e in now.space.own.effects if (e.kind, e.site) != name))
-            space = make_space(problem, own, now.space.known)
-            if (kind, name[1]) not in {(e.kind, e.site) for e in space.plant.effects}:
-                continue
-            vector = space.with_values(_without(now, name))
-            keys = CATALOGUE[kind].seeds(name[1], _bare_scene(problem, own))[0].free
+            vector, places = bare.vector.copy(), []
             for key in keys:
-                vector[space.table.positions(f"{kind}@{name[1]}.{key}")] = level
-            names = (*(n for n in now.names if n != name), (kind, name[1]))
-            kept = {n: k for n, k in now.keys.items() if n != name} | {(kind, name[1]): keys}
-            free = _all_free(space, names, kept)
-            price = _price(problem, len(free) - len(space.base), 10, 1)
-            out.append(Move("simplify", space, names, kept, vector, free, price))
+                places += bare.space.table.positions(f"{kind}@{name[1]}.{key}")
+            vector[places] = level
+            free = np.array([*bare.free, *places], np.int64)
+            price = _price(problem, len(free) - len(bare.space.base), len(_SIMPLER), 1)
+            names, freed = (*left, (kind, name[1])), rest | {(kind, name[1]): keys}
+            out.append(Move("simplify", bare.space, names, freed, vector, free, price))
     return out
-
-
-def _bare_scene(problem: Problem, own: Plant):
-    from ..identification.problem import scene_of
-
-    bare = Plant(own.bridge, tuple(e for e in own.effects if not isinstance(e, CoulombFriction)))
-    return scene_of(problem.setting, bare)
 
 
 def _without(now: Structure, name: Name) -> Plant:
     plant = now.plant
     return Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) != name))
-
-
-def _all_free(space: Space, names: Sequence[Name], keys: dict[Name, tuple[str, ...]]) -> NDArray[np.int64]:
-    free = [*space.base]
-    for name in names:
-        groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in keys[name]]
-        free += [p for group in groups for p in space.table.positions(group) if p not in free]
-    return np.array(free, np.int64)
 
 
 def _apart(
@@ -460,13 +483,11 @@ def _apart(
     states: tuple,
     every: Sequence[Candidate],
     number: int,
-    best: Sequence[tuple[float, Move]],
     deadline: float,
 ) -> list[Move]:
     """Effects with a program of their own: refitted beside the model alone, the best fitted on."""
-    out = []
-    plant = now.plant
-    known = now.known
+    out: list[tuple[float, Move]] = []
+    plant, known = now.plant, now.known
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in every:
         if is_apart(candidate.kind):
@@ -474,7 +495,7 @@ def _apart(
     for name, seeds in by_name.items():
         if time.monotonic() > deadline:
             break
-        own = plant.adding(_effect(plant, seeds[0]))
+        own = plant.adding(_effect(seeds[0]))
         try:
             space = make_space(part, own, known, shared=False)
         except ValueError:
@@ -496,9 +517,7 @@ def _apart(
     return [move for _, move in out]
 
 
-def _effect(plant: Plant, candidate: Candidate):
-    from ..model.effects.catalogue import make_effect
-
+def _effect(candidate: Candidate) -> AbstractEffect:
     return make_effect(
         candidate.kind, candidate.site, {key: v for key, v in candidate.values.items() if key != "coulomb"}
     )
@@ -516,8 +535,6 @@ def _freed(
 
 
 def _keys_of(kind: str) -> list[str]:
-    from ..model.effects.base import parameters_of
-
     return [key for key, info in parameters_of(CATALOGUE[kind]).items() if info.fitted]
 
 
@@ -529,7 +546,14 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadlin
             break
         own = [m for m in moves if m.space is space]
         starts = [Start(m.vector, m.free, now.point.states) for m in own]
-        for move, point in zip(own, problem.solve(space.engine, starts, _POLISH), strict=True):
+        points = problem.solve(space.engine, starts, _POLISH)
+        # What fits short windows may run away in long ones: then the effect grows from its absence, where the model
+        # is as good as the one that it contains.
+        again = [(i, m.absent) for i, m in enumerate(own) if points[i].value > now.point.value]
+        begun = [(i, Start(v, own[i].free, now.point.states)) for i, v in again if v is not None]
+        for (i, _), point in zip(begun, problem.solve(space.engine, [s for _, s in begun], _POLISH), strict=True):
+            points[i] = min(points[i], point, key=lambda p: p.value)
+        for move, point in zip(own, points, strict=True):
             out.append(Structure(space, move.names, move.keys, point, move.price, left_out(problem, space, point)))
     return out
 
@@ -581,6 +605,3 @@ def left_out(problem: Problem, space: Space, point: Point) -> NDArray[np.float64
         square = _square(problem, normal.products, step)
         out.append(float(problem.likelihood.by_window(square)[own].sum()))
     return np.array(out)
-
-
-_SITES = SITE_OF_NUMBER

@@ -20,7 +20,7 @@ from ..model.effects.drives import InputDelay
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction, PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from .candidates import WRONG_VALUE, Candidate, candidates
+from .candidates import Candidate, candidates
 
 Name = tuple[str, str]
 """Kind and site of an effect."""
@@ -50,7 +50,9 @@ class Space:
     engine: Engine
     absent: NDArray[np.float64]
     base: NDArray[np.int64]
-    """Places of the free parameters that every model here has."""
+    """Places of the free parameters of `own`."""
+    shared: bool
+    """Whether effects that may be added stand in it."""
 
     @property
     def table(self) -> ParameterTable:
@@ -98,7 +100,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
     base = free_places(table, known, problem.setting)
     places = [engine.table.positions(table.entry(int(p)).name)[0] for p in base]
     absent = np.array(engine.table.ravel(plant), dtype=float)
-    return Space(plant, own, known, engine, absent, np.array(places, np.int64))
+    return Space(plant, own, known, engine, absent, np.array(places, np.int64), shared)
 
 
 def _null(candidate: Candidate) -> Mapping[str, object]:
@@ -114,8 +116,21 @@ def _null(candidate: Candidate) -> Mapping[str, object]:
 
 
 def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candidate]:
-    """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start."""
-    return candidates(own, known, setting, scene_of(setting, own))
+    """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start.
+
+    An effect with a place from which it is absent starts from there; those that have a state of their own, and limits,
+    start where they are present.
+    """
+    found = [_from_absence(c) for c in candidates(own, known, setting, scene_of(setting, own))]
+    absent = {c.name for c in found if not c.finite}
+    return [c for c in found if is_apart(c.kind) or not c.finite or c.name not in absent]
 
 
-__all__ = ["WRONG_VALUE", "Candidate", "Name", "Space", "is_apart", "make_space", "proposals"]
+def _from_absence(candidate: Candidate) -> Candidate:
+    """A candidate at a place where it is absent and has a gradient, if its law has one."""
+    if candidate.kind == "actuator_lag":
+        return dataclasses.replace(candidate, values={"time_constant": 1e-5}, finite=False, linear=("time_constant",))
+    if candidate.kind == "end_stop":
+        values = {**candidate.values, "stiffness": 0.0, "damping": 0.0}
+        return dataclasses.replace(candidate, values=values, finite=False, linear=("stiffness", "damping"))
+    return candidate

@@ -61,15 +61,34 @@ class Problem:
 
     def of_horizons(self, horizons: Sequence[float]) -> "Problem":
         """The same with the windows of some horizons only; the criterion of the others is left out."""
-        chosen = np.isin(self.windows.horizon, horizons)
-        data = self.data.of_horizons(horizons)
+        return self._of([t.horizon in horizons for t in self.data.tilings])
+
+    def of_some(self, most: int) -> "Problem":
+        """The same with so many of the recordings' tilings at most, evenly chosen."""
+        count = len(self.data.grids)
+        if count <= most:
+            return self
+        kept = set(np.linspace(0, count - 1, most).round().astype(int).tolist())
+        return self._of([t.recording in kept for t in self.data.tilings])
+
+    def _of(self, keep: Sequence[bool]) -> "Problem":
+        data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])
+        chosen = np.array(keep)[self.windows.tiling]
         own = self.likelihood
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
-    def states_of(self, states: Sequence[NDArray[np.float64]], horizons: Sequence[float]) -> tuple:
-        """Those initial states that belong to some horizons."""
-        return tuple(s for s, t in zip(states, self.data.tilings, strict=True) if t.horizon in horizons)
+    def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
+        """Those initial states that belong to the tilings of a part of this problem."""
+        kept = {(t.recording, t.horizon) for t in part.data.tilings}
+        tilings = self.data.tilings
+        return tuple(s for s, t in zip(states, tilings, strict=True) if (t.recording, t.horizon) in kept)
+
+    def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
+        """Those windows' errors that belong to a part of this problem."""
+        kept = {(t.recording, t.horizon) for t in part.data.tilings}
+        keep = np.array([(t.recording, t.horizon) in kept for t in self.data.tilings])
+        return square[keep[self.windows.tiling]]
 
     @property
     def guesses(self) -> tuple[NDArray[np.float64], ...]:
@@ -135,7 +154,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
     for last in range(1, len(horizons) + 1):
         some = horizons[:last]
         part = problem.of_horizons(some)
-        begun = Start(start.vector, start.free, problem.states_of(start.states, some))
+        begun = Start(start.vector, start.free, problem.states_of(start.states, part))
         part = part.judged_by(part.residuals(engine, begun))
         [point] = part.solve(engine, [begun], _FIRST if last < len(horizons) else _NEXT)
         states = iter(point.states)

@@ -10,8 +10,9 @@ in units of the noise's variance, with `m` the effective number of samples of a 
 
 A window that the model cannot meet yet costs the logarithm of its error, so it does not bend everything else; between
 200 and 100 times the noise as much is gained as between 2 times and once. `n`, the effective number of samples of a
-recording, follows from the autocorrelation of what the best model so far leaves (Geyer's initial positive sequence,
-Statistical Science 7, 1992). `a` discounts windows at rest, which tell next to nothing of laws of motion.
+recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves
+(Geyer's initial positive sequence, Statistical Science 7, 1992). `a` discounts windows at rest, which tell next to
+nothing of laws of motion.
 """
 
 import dataclasses
@@ -123,7 +124,8 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
     total = 0.0
     for (r, k), values in number.items():
         own = windows.recording == r
-        n = max(float(np.mean(values)), 1.0)
+        # The geometric mean: short windows have many samples that differ, a drift of a whole recording has few.
+        n = float(np.exp(np.mean(np.log(np.maximum(values, 1.0)))))
         share[own, k] *= n / len(values)
         total += n
     return Likelihood(share, within, windows.count, total)

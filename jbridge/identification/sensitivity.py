@@ -33,7 +33,7 @@ STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
 _WIDTHS = (6, 12, 24)
 """Parameter columns that programs are compiled for; more than the last are taken in several calls."""
-_LANES = 16
+_LANES = 8
 """Simulations of one call."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 _FAR = 1e3
