@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import free_places
-from ..identification.solver import Normal, Point, Start, bounded_step, ties
+from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
 from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
@@ -157,13 +157,15 @@ def revalued(problem: Problem, structure: Structure) -> Structure:
 def _proposed(problem: Problem, now: Structure, deadline: float) -> tuple[list[Move], Callable[[], list[Move]]]:
     """Moves worth a fit to all windows, and a call for those with a program of their own."""
     part = problem.of_horizons(problem.data.horizons[:_SHORT]).of_some(_SOME)
-    states = problem.states_of(now.point.states, part)
+    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
+    # Shapes of effects show beside what is best on the same windows.
+    [there] = part.solve(now.space.engine, [begun], _POLISH)
     every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
     shared = [c for c in every if not is_apart(c.kind)]
-    scored = sorted(_screened(part, now, states, shared), key=lambda found: found[0])
-    names: dict[Name, tuple[float, Candidate, NDArray[np.float64]]] = {}
-    for score, candidate, vector in scored:
-        names.setdefault(candidate.name, (score, candidate, vector))
+    scored = sorted(_screened(part, now, there, shared), key=lambda found: found[0])
+    names: dict[Name, tuple[float, Candidate, Start]] = {}
+    for score, candidate, start in scored:
+        names.setdefault(candidate.name, (score, candidate, start))
     number = len({c.name for c in every})
     ranked = list(names.values())
     chosen = ranked[: CRITERIA.refitted]
@@ -171,13 +173,12 @@ def _proposed(problem: Problem, now: Structure, deadline: float) -> tuple[list[M
         best = next(found for found in ranked if found[1].site == site)
         if all(best[1].name != c.name for _, c, _ in chosen):
             chosen.append(best)
-    moves = [_adding(problem, now, c, vector, number, _grid(every, c)) for _, c, vector in chosen]
+    moves = [_adding(problem, now, c, start, number, _grid(every, c)) for _, c, start in chosen]
     # Each refitted on the shorter windows, from the screen's estimate and from the effect's absence.
-    fits = part.solve(now.space.engine, [Start(m.vector, m.free, states) for m in moves], _TRIAL)
-    parent = part.likelihood.value(problem.square_of(now.point.square, part))
+    fits = part.solve(now.space.engine, [start for _, _, start in chosen], _TRIAL)
     # Where the screen's estimate leads astray, the effect starts from its absence.
-    astray = [i for i, point in enumerate(fits) if not point.value < parent]
-    begun = [Start(_at_seed(now, chosen[i][1]), moves[i].free, states) for i in astray]
+    astray = [i for i, point in enumerate(fits) if not point.value < there.value]
+    begun = [Start(_at_seed(now, there.vector, chosen[i][1]), moves[i].free, there.states) for i in astray]
     for i, point in zip(astray, part.solve(now.space.engine, begun, _TRIAL), strict=True):
         fits[i] = min(fits[i], point, key=lambda p: p.value)
     refitted = [
@@ -187,7 +188,7 @@ def _proposed(problem: Problem, now: Structure, deadline: float) -> tuple[list[M
     refitted.sort(key=lambda found: found[0])
     out = [move for _, move in refitted[: CRITERIA.polished]]
     out += _removals(problem, now) + _simplifications(problem, now)
-    return out, (lambda: _apart(problem, part, now, states, every, number, deadline))
+    return out, (lambda: _apart(problem, part, now, there.states, every, number, deadline))
 
 
 def _grid(every: Sequence[Candidate], candidate: Candidate) -> int:
@@ -195,22 +196,20 @@ def _grid(every: Sequence[Candidate], candidate: Candidate) -> int:
     return max(1, sum(c.name == candidate.name for c in every))
 
 
-def _at_seed(now: Structure, candidate: Candidate) -> NDArray[np.float64]:
-    return candidate.set(now.space.table, now.point.vector)
+def _at_seed(now: Structure, vector: NDArray[np.float64], candidate: Candidate) -> NDArray[np.float64]:
+    return candidate.set(now.space.table, vector)
 
 
 def _places(now: Structure, candidate: Candidate) -> NDArray[np.int64]:
     return candidate.places(now.space.table)
 
 
-def _adding(
-    problem: Problem, now: Structure, candidate: Candidate, vector: NDArray[np.float64], number: int, grid: int
-) -> Move:
-    free = np.array(list(dict.fromkeys([*now.point.free, *_places(now, candidate)])), np.int64)
+def _adding(problem: Problem, now: Structure, candidate: Candidate, start: Start, number: int, grid: int) -> Move:
+    free = start.free
     price = now.price + _price(problem, len(free) - len(now.point.free), number, grid)
     keys = {**now.keys, candidate.name: candidate.free}
     names = (*now.names, candidate.name)
-    return Move("add", now.space, names, keys, vector, free, price, _at_seed(now, candidate))
+    return Move("add", now.space, names, keys, start.vector, free, price, _at_seed(now, now.point.vector, candidate))
 
 
 def _price(problem: Problem, numbers: float, candidates: int, grid: int) -> float:
@@ -219,16 +218,16 @@ def _price(problem: Problem, numbers: float, candidates: int, grid: int) -> floa
 
 
 def _screened(
-    problem: Problem, now: Structure, states: tuple, shared: Sequence[Candidate]
-) -> list[tuple[float, Candidate, NDArray[np.float64]]]:
-    """The criterion that each candidate would reach if windows were quadratic, and the parameters there.
+    problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]
+) -> list[tuple[float, Candidate, Start]]:
+    """The criterion that each candidate would reach if windows were quadratic, and parameters and states there.
 
     Candidates that are absent where they start share a simulation: those that are each an effect's first seed, then
     the second ones, and so on. The others have one of their own.
     """
     groups: list[list[Candidate]] = []
     seen: dict[Name, int] = {}
-    for candidate in _thinned(problem, now, states, shared):
+    for candidate in _thinned(problem, now, there, shared):
         if candidate.finite:
             groups.append([candidate])
             continue
@@ -243,28 +242,36 @@ def _screened(
     table = now.space.table
     starts = []
     for group in groups:
-        vector, free = now.point.vector, [int(p) for p in now.point.free]
+        vector, free = there.vector, [int(p) for p in there.free]
         for candidate in group:
             vector = candidate.set(table, vector)
             if candidate.harmonic:
                 # A small amplitude, so that the phase shows.
                 vector[table.positions(candidate.group("amplitude"))] = 1e-6
-            free += [int(p) for p in _places(now, candidate) if p not in free]
-        starts.append(Start(vector, np.array(free, np.int64), states))
+            free += [int(p) for p in _linear_places(now, candidate) if p not in free]
+        starts.append(Start(vector, np.array(free, np.int64), there.states))
     points = problem.evaluate(now.space.engine, starts)
     normals = problem.normal(now.space.engine, points)
     out = []
     for group, point, normal in zip(groups, points, normals, strict=True):
         for candidate in group:
-            wanted = np.array(list(dict.fromkeys([*now.point.free, *_places(now, candidate)])), np.int64)
+            wanted = np.array(list(dict.fromkeys([*there.free, *_linear_places(now, candidate)])), np.int64)
             columns = [int(np.flatnonzero(point.free == p)[0]) for p in wanted]
             step, value = linear_optimum(problem, now.space, point, normal, columns)
-            vector = candidate.set(table, now.point.vector)
+            vector = candidate.set(table, there.vector)
             vector[wanted] = point.vector[wanted] + step
             if candidate.harmonic:
                 _as_wave(table, candidate, point.vector, vector)
-            out.append((value, candidate, vector))
+            change = normal.shift + normal.back[:, :, columns] @ step
+            states = moved_states(problem.data, problem.windows, there.states, change)
+            free = np.array(list(dict.fromkeys([*there.free, *_places(now, candidate)])), np.int64)
+            out.append((value, candidate, Start(vector, free, states)))
     return out
+
+
+def _linear_places(now: Structure, candidate: Candidate) -> NDArray[np.int64]:
+    """Parameters that do something where a candidate starts."""
+    return candidate.places(now.space.table, None if candidate.finite else candidate.linear)
 
 
 def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64], vector: NDArray[np.float64]) -> None:
@@ -274,7 +281,7 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
     vector[a], vector[p] = math.hypot(sine, cosine), at[p] + math.atan2(cosine, sine)
 
 
-def _thinned(problem: Problem, now: Structure, states: tuple, shared: Sequence[Candidate]) -> list[Candidate]:
+def _thinned(problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left."""
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
@@ -282,7 +289,7 @@ def _thinned(problem: Problem, now: Structure, states: tuple, shared: Sequence[C
     out = [c for own in many.values() if len(own) <= _MOST_STARTS for c in own]
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
-        left = problem.residuals(now.space.engine, Start(now.point.vector, now.point.free, states))
+        left = problem.residuals(now.space.engine, there)
         bridge = now.space.own.bridge
         fade = float(bridge.cart_damping / bridge.cart_mass)
         for own in crowded:

@@ -10,9 +10,10 @@ in units of the noise's variance, with `m` the effective number of samples of a 
 
 A window that the model cannot meet yet costs the logarithm of its error, so it does not bend everything else; between
 200 and 100 times the noise as much is gained as between 2 times and once. `n`, the effective number of samples of a
-recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves
-(Geyer's initial positive sequence, Statistical Science 7, 1992). `a` discounts windows at rest, which tell next to
-nothing of laws of motion.
+recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves: it
+is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley, Supplement to the
+Journal of the Royal Statistical Society 8, 1946). `a` discounts windows at rest, which tell next to nothing of laws of
+motion.
 """
 
 import dataclasses
@@ -134,7 +135,7 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
 def _effective(tiling: Tiling, residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
     """Effective number of samples over their number, from the autocorrelation within windows, pooled over them."""
     lags = int(min(max(tiling.stops - tiling.begins), _LAGS))
-    total = np.zeros(lags)
+    total, pairs = np.zeros(lags), np.zeros(lags)
     for a, b in zip(tiling.begins, tiling.stops, strict=True):
         own = residual[a:b][measured[a:b]]
         if len(own) > 1:
@@ -142,10 +143,10 @@ def _effective(tiling: Tiling, residual: NDArray[np.float64], measured: NDArray[
             spectrum = np.abs(np.fft.rfft(own, size)) ** 2
             found = np.fft.irfft(spectrum, size)[: min(len(own), lags)]
             total[: len(found)] += found
+            pairs[: len(found)] += len(own) - np.arange(len(found))
     if total[0] <= 0.0:
         return 1.0
-    rho = total / total[0]
-    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
-    ends = np.flatnonzero(pairs <= 0.0)
-    stop = int(ends[0]) if len(ends) else len(pairs)
-    return float(1.0 / max(2.0 * pairs[:stop].sum() - 1.0, 1.0))
+    rho = total[1:] / total[0]
+    # The square of a correlation that is none is 1/pairs on average.
+    squares = rho**2 - np.maximum(pairs[1:], 1.0) / pairs[0] ** 2
+    return float(1.0 / (1.0 + 2.0 * max(float(squares.sum()), 0.0)))

@@ -111,7 +111,7 @@ def solve(
                 vector = point.vector.copy()
                 vector[point.free] += step
                 moved = normal.shift + normal.back @ step
-                trials.append(Start(vector, point.free, _moved(data, windows, point.states, moved)))
+                trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, windows, likelihood, trials)
             found = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
@@ -343,9 +343,10 @@ def bounded_step(
     return np.clip(step / unit, least, most)
 
 
-def _moved(
+def moved_states(
     data: Data, windows: Index, states: tuple[NDArray[np.float64], ...], change: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
+    """Initial states after a change, within their room, by tiling."""
     out = []
     for k, tiling in enumerate(data.tilings):
         finite = np.isfinite(tiling.precision) & (tiling.precision > 0)
