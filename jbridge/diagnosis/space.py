@@ -1,8 +1,8 @@
 """All models that a search compares, as one compiled plant.
 
-Effects without a state or a dead time of their own stand side by side in one plant, absent at their null values. Which
-of them a model has is which of their parameters are free, so that one program serves every model of a search. Effects
-with a hidden state, a dead time, or a map of many levels would slow that program down; each has one of its own.
+Effects without a coordinate of their own stand side by side in one plant, absent at their null values. Which of them a
+model has is which of their parameters are free, so that one program serves every model of a search. Mechanisms, and
+friction with a hidden spring, would slow that program down; each has one of its own.
 """
 
 import dataclasses
@@ -16,21 +16,14 @@ from ..identification.problem import Setting, free_places, scene_of
 from ..identification.sensitivity import Engine
 from ..model.effects.base import AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
-from ..model.effects.drives import InputDelay
-from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction, PreslidingFriction
+from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import Candidate, candidates
 
 Name = tuple[str, str]
 """Kind and site of an effect."""
-_APART = (
-    AbstractMechanism,
-    InputDelay,
-    PositionDependentFriction,
-    PositionDirectionFriction,
-    PreslidingFriction,
-)
+_APART = (AbstractMechanism, PreslidingFriction)
 
 
 def is_apart(kind: str) -> bool:

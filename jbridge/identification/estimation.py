@@ -84,6 +84,13 @@ class Problem:
         tilings = self.data.tilings
         return tuple(s for s, t in zip(states, tilings, strict=True) if (t.recording, t.horizon) in kept)
 
+    def states_with(
+        self, states: Sequence[NDArray[np.float64]], part: "Problem", own: Sequence[NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Initial states of all tilings, with those of a part of this problem put in."""
+        found = {(t.recording, t.horizon): s for t, s in zip(part.data.tilings, own, strict=True)}
+        return tuple(found.get((t.recording, t.horizon), s) for t, s in zip(self.data.tilings, states, strict=True))
+
     def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
         """Those windows' errors that belong to a part of this problem."""
         kept = {(t.recording, t.horizon) for t in part.data.tilings}

@@ -22,14 +22,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .data.windows import Data, Tiling
+from .data.windows import Data
 
 NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
 _MOTION = 5.0
 """Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
-_LAGS = 4000
-"""Most lags of an autocorrelation."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +116,7 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             counted = windows.count[own, k]
             if not counted.any():
                 continue
-            effective = _effective(tiling, residuals[t][:, k], data.measured[tiling.recording, :, k])
+            effective = _effective(residuals[t][:, k], data.measured[tiling.recording, :, k])
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), []).append(float((counted * effective).sum()))
             share[own, k] = windows.motion[own, k] / tiling.windows
@@ -132,21 +130,22 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
     return Likelihood(share, within, windows.count, total)
 
 
-def _effective(tiling: Tiling, residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
-    """Effective number of samples over their number, from the autocorrelation within windows, pooled over them."""
-    lags = int(min(max(tiling.stops - tiling.begins), _LAGS))
-    total, pairs = np.zeros(lags), np.zeros(lags)
-    for a, b in zip(tiling.begins, tiling.stops, strict=True):
-        own = residual[a:b][measured[a:b]]
-        if len(own) > 1:
-            size = 2 ** int(np.ceil(np.log2(2 * len(own))))
-            spectrum = np.abs(np.fft.rfft(own, size)) ** 2
-            found = np.fft.irfft(spectrum, size)[: min(len(own), lags)]
-            total[: len(found)] += found
-            pairs[: len(found)] += len(own) - np.arange(len(found))
+def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
+    """Effective number of samples over their number, from the autocorrelation over a recording.
+
+    It is that of the recording, not of its windows: an error that comes back with every repetition of a motion tells
+    no more than one repetition does.
+    """
+    size = 2 ** int(np.ceil(np.log2(2 * len(residual))))
+    lags = np.arange(1, max(len(residual) // 2, 2))
+    total = _autocorrelation(np.where(measured, residual, 0.0), size)
+    pairs = np.maximum(_autocorrelation(measured.astype(float), size), 1.0)
     if total[0] <= 0.0:
         return 1.0
-    rho = total[1:] / total[0]
     # The square of a correlation that is none is 1/pairs on average.
-    squares = rho**2 - np.maximum(pairs[1:], 1.0) / pairs[0] ** 2
+    squares = (total[lags] / total[0]) ** 2 - pairs[lags] / pairs[0] ** 2
     return float(1.0 / (1.0 + 2.0 * max(float(squares.sum()), 0.0)))
+
+
+def _autocorrelation(values: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    return np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)
