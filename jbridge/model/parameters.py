@@ -181,8 +181,8 @@ class ParameterTable:
 
         Args:
             vector: all numbers.
-            fitted: whether derivatives are wanted by those numbers alone that are ever estimated. Tangents of all others
-                (knots, lengths of reference) then are no work.
+            fitted: whether derivatives are wanted by those numbers alone that are ever estimated. Tangents of all
+                others (knots, lengths of reference) then are no work.
         """
         traced = isinstance(vector, jax.core.Tracer)
         values = vector if traced else np.asarray(vector)
