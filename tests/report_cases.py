@@ -21,7 +21,7 @@ from jbridge.diagnosis.result import (
     Region,
     Rival,
 )
-from jbridge.identify.result import Errors, Estimate, Fit, Trace
+from jbridge.identification.result import Errors, Estimate, Fit, Trace
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.drives import DeadZone
 from jbridge.model.effects.friction import CoulombFriction

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from jbridge.diagnosis.result import Interval, Location, Region
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 from jbridge.report.figures.force import running_median
 from jbridge.report.figures.friction_map import draw_friction_map
 from jbridge.report.figures.gallery import OWN_NAME, choose, diagnosis_gallery, fit_gallery, misfit

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jbridge import InputError, describe_diagnosis, describe_fit, load_model, save_fit, save_report
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 from jbridge.model.files import Model
 from jbridge.report import save as saving
 from jbridge.report.as_json import fit_json, report_json

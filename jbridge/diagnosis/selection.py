@@ -33,11 +33,11 @@ _SOME = 3
 """Recordings on which proposals are screened and first refitted."""
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
-_SHORT = 2
-"""Horizons on which proposals are screened and first refitted: the shortest ones, on which models are nearly linear."""
+_SHORT = 1.0
+"""Horizon [s] on which proposals are screened and first refitted: long enough to show forces, and nearly linear."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
-_TRIAL, _POLISH, _LAST = 2, 4, 12
+_TRIAL, _POLISH, _LAST = 2, 3, 12
 """Iterations of a first refit, of a fit to all windows, and of the chosen one's."""
 _SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
 """Laws that stand in a map's place, and what is free of them."""
@@ -103,7 +103,7 @@ class Search:
     tried: tuple[tuple[Structure, ...], ...]
     """Models fitted to all windows in the round that began at each of `held`."""
     stopped: str
-    """`criterion`, or `budget`."""
+    """`criterion`, `budget` or `interrupted`."""
 
 
 def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadline: float) -> Search:
@@ -128,7 +128,11 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         left = problem.likelihood.by_window(now.point.square).sum(axis=0)
         if left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)):
             break
-        found = _round(problem, now, not number, seen, deadline)
+        try:
+            found = _round(problem, now, not number, seen, deadline)
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+            break
         better = [s for s in found if _accepts(now, s)]
         tried.append(tuple(sorted(found, key=lambda s: s.value)))
         if time.monotonic() > deadline:
@@ -140,7 +144,8 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
             seen.add(frozenset(best.names))
         if not better or stopped == "budget":
             break
-    held[-1] = weighed(problem, held[-1])
+    if stopped != "interrupted":
+        held[-1] = weighed(problem, held[-1])
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
@@ -185,7 +190,8 @@ def _round(
     problem: Problem, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
 ) -> list[Structure]:
     """All moves that were worth a fit to all windows, fitted."""
-    part = problem.of_horizons(problem.data.horizons[:_SHORT]).of_some(_SOME)
+    short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
+    part = problem.of_horizons([short]).of_some(_SOME)
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
     [there] = part.solve(now.space.engine, [begun], _POLISH)

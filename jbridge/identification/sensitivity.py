@@ -31,7 +31,7 @@ from .data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
-_WIDTHS = (6, 12, 24)
+WIDTHS = (6, 12, 24)
 """Parameter columns that programs are compiled for; more than the last are taken in several calls."""
 _LANES = 8
 """Simulations of one call."""
@@ -70,7 +70,14 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, widths: tuple[int, ...] = WIDTHS):
+        """Args:
+        plant: gives the structure; its values are not kept.
+        courses: inputs of the recordings.
+        substeps: integration steps in each interval.
+        widths: numbers of parameter columns that programs are compiled for, in rising order.
+        """
+        self._widths = widths
         self.table = ParameterTable(plant)
         self.substeps = substeps
         self.count = len(courses)
@@ -94,7 +101,7 @@ class Engine:
         """
 
         def width_of(job: Job) -> int:
-            return next((w for w in _WIDTHS if w >= len(job.free)), _WIDTHS[-1])
+            return next((w for w in self._widths if w >= len(job.free)), self._widths[-1])
 
         for width in sorted({width_of(job) for job in jobs}):
             self._of_width([i for i, job in enumerate(jobs) if width_of(job) == width], jobs, width, take)

@@ -203,12 +203,10 @@ def normal_equations(
         order = [*range(n), n + STATES, *range(n, n + STATES)]
         table = table[:, order]
         own = slice(first, first + tiling.windows)
-        products = _products(table, tiling.begins, tiling.fit_until)
+        products = _products(table, tiling.begins, tiling.stops)
         away = point.states[k] - tiling.states
         shift, back = _eliminated(products, weights[i][own], away, tiling.precision, n)
         normal.shift[own], normal.back[own] = shift, back
-        if (tiling.count_from != tiling.begins).any() or (tiling.fit_until != tiling.stops).any():
-            products = _products(table, tiling.count_from, tiling.stops)
         # Parameters and residual, with what the initial states make of either.
         follow = np.zeros((tiling.windows, n + 1 + STATES, n + 1))
         follow[:, np.arange(n + 1), np.arange(n + 1)] = 1.0

@@ -5,8 +5,6 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import stats
-
 from jbridge.diagnosis.adequacy import (
     LARGE,
     SIGNIFICANT,
@@ -21,7 +19,9 @@ from jbridge.diagnosis.adequacy import (
 )
 from jbridge.identify.evaluate import Run
 from jbridge.identify.lanes import make_batch
-from jbridge.identify.result import Errors
+from scipy import stats
+
+from jbridge.identification.result import Errors
 from tests.identify.cases import NOISE, make_recording
 
 TIMES = np.arange(1200) * 0.01

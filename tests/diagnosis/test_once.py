@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-
 from jbridge.diagnosis.once import Once, happened_once, timed
 from jbridge.identify.evaluate import Run
 from jbridge.identify.lanes import make_batch
 from jbridge.identify.latent import Force, Latent
-from jbridge.identify.result import Errors, Trace
+
+from jbridge.identification.result import Errors, Trace
 from tests.identify.cases import NOISE, make_recording
 
 TIMES = np.arange(200) * 0.01

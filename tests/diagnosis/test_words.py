@@ -8,7 +8,7 @@ from jbridge.diagnosis.holdout import OffMap
 from jbridge.diagnosis.once import Once
 from jbridge.diagnosis.result import Channel, Interval, Likeness, Location, NamedEffect, Rival
 from jbridge.diagnosis.words import Elsewhere, Proof, effect_sentence, verdict_sentence
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 
 AT_CART = Location("cart", "cart", {"cart": 1.0}, (), ())
 BEFORE, AFTER = {"x": Channel(2e-3, 1e-4)}, {"x": Channel(1.1e-4, 1e-4)}

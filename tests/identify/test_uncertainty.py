@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge._toml import as_value
-from jbridge.identify.uncertainty import as_uncertainty, correlation_time, estimates, inverse_normal, warnings
+from jbridge.identification.uncertainty import as_uncertainty, correlation_time, estimates, inverse_normal, warnings
 from jbridge.model.parameters import ParameterTable
 from tests.problems import make_plant
 

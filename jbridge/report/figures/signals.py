@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
-from ...identify.result import Trace
+from ...identification.result import Trace
 from ..quantities import Scale, pretty_unit
 from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
 

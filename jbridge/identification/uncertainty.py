@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.parameters import ParameterTable
-from .lanes import Batch
+from .estimation import Problem
 from .result import Estimate
-from .solve import reduce
+from .sensitivity import Engine
+from .solver import Point, ties
 
 _NORMAL = 1.959964
 _FACTOR, _SHARE = 2.0, 0.0025
@@ -23,46 +24,15 @@ _CLOCK = 0.01
 taken and when an input acted, and two engines differ by up to this in the delays of the same recordings."""
 
 
-def covariance(
-    products: NDArray[np.float64],
-    predicted: NDArray[np.float64],
-    count: int,
-    columns: int,
-    initial: NDArray[np.float64],
-    batch: Batch,
-) -> NDArray[np.float64]:
-    """Covariance of the free parameters, initial states eliminated.
+def covariance(problem: Problem, engine: Engine, point: Point) -> NDArray[np.float64]:
+    """Covariance of the free parameters at a fit, initial states eliminated: the criterion's curvature, inverted.
 
-    Residuals of a rig are neither exactly as large as the noise nor independent from sample to sample: the classical
-    covariance is scaled by their size and by their correlation time.
+    Its effective numbers of samples account for residuals that are neither as large as the noise nor independent.
     """
-    reduced = reduce(products, count, columns, initial, batch.initial, batch.prior)
-    inverse = inverse_normal(reduced.matrix)
-    weight = np.asarray(batch.lanes.weight)
-    residual = (predicted - np.asarray(batch.lanes.y)) * weight
-    number = max(int((weight > 0).sum()), 1)
-    size = max(float((residual**2).sum()) / number, 1.0)
-    return inverse * size * correlation_time(residual, weight > 0)
-
-
-def correlation_time(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
-    """Integrated correlation of residuals in samples, at least 1; up to where it first falls below 0.05.
-
-    Each channel's own samples count, also where others were taken more often.
-    """
-    order = np.argsort(~measured, axis=1, kind="stable")
-    residual, measured = np.take_along_axis(residual, order, axis=1), np.take_along_axis(measured, order, axis=1)
-    total = 1.0
-    scale = float((residual**2).sum())
-    if scale <= 0:
-        return 1.0
-    for lag in range(1, min(400, residual.shape[1] // 4)):
-        both = measured[:, lag:] & measured[:, :-lag]
-        share = float((residual[:, lag:] * residual[:, :-lag] * both).sum()) / scale
-        if share < 0.05:
-            break
-        total += 2.0 * share
-    return total
+    [normal] = problem.normal(engine, [point])
+    n = len(point.free)
+    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
+    return inverse_normal(total + ties(engine.table, point.free, np.diag(total)))
 
 
 def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

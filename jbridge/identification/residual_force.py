@@ -17,11 +17,11 @@ from scipy.signal import savgol_filter
 
 from .._programs import kept
 from .._types import AXES, Axes, Scalar
-from ..identification.data.grid import Grid
 from ..inputs import Lane, drive_inputs
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
+from .data.grid import Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}
 """Half of the smoothing window [s]: longer lets blur reversals, shorter lets noise into the acceleration."""
