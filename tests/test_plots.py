@@ -65,17 +65,6 @@ def test_an_interval_without_an_end_does_not_flatten_a_map(figures):
     assert figures[0].axes[0].get_ylim() == (0.0, 8.0)
 
 
-def test_a_recording_that_was_set_aside_is_drawn(figures):
-    train_1, train_2, holdout = cases.traces()
-    odd = dataclasses.replace(train_1, before=train_1.after, recording="odd.csv", role="aside")
-    gallery = diagnosis_gallery(dataclasses.replace(cases.missing_physics(), traces=(train_2, odd, holdout)))
-    drawn = {picture.name: picture for picture in gallery.all()}
-    assert {"signals-aside-odd", "residuals-aside-odd"} <= set(drawn)
-    said = {text.get_text() for figure in figures for part in figure.subfigs for text in part.texts}
-    assert "recording that was set aside: not used for fitting" in said
-    assert all(OWN_NAME.fullmatch(f"{name}.png") for name in drawn)
-
-
 def test_worst_training_recording_is_chosen():
     train_1, train_2, holdout = cases.traces()
     good = dataclasses.replace(train_1, before=train_1.after, recording="good.csv")

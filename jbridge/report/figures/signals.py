@@ -19,7 +19,6 @@ _AXES = {
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
-    "aside": "recording that was set aside: not used for fitting",
 }
 _INPUTS = {"u_x": "cart drive\nu_x", "u_l": "hoist drive\nu_l"}
 

@@ -7,7 +7,7 @@ import pytest
 
 import jbridge
 from jbridge import InputError, fit
-from tests.identify.cases import DRY, NOISE, ROOT, cart_model, cart_recordings, make_recording, scaled, values
+from tests.identification.cases import DRY, NOISE, ROOT, cart_model, cart_recordings, make_recording, scaled, values
 from tests.problems import make_plant
 
 DEAD = ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.15})

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from jbridge.identification.data.grid import grid
+from jbridge.identification.data.windows import WHOLE, make_data
+from jbridge.identification.estimation import engine_for
 from jbridge.identification.problem import Setting
-from jbridge.identify.force_balance import as_played, balance
-from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for
-from tests.identify.cases import DRY, NOISE, play, steps
+from jbridge.identification.residual_force import as_played, balance
+from jbridge.identification.sensitivity import Job
+from tests.identification.cases import DRY, NOISE, play, steps
 from tests.problems import make_plant
 
 COUNT = 1200
@@ -29,11 +30,12 @@ def recorded(plant, noise=1.0):
 
 def own_motion(plant, recording):
     """The model's readings under the recording's input."""
-    engine = Engine(plant)
-    setting = Setting((recording,), (), NOISE, ("x",), {}, 0.7)
-    batch = lanes_for(engine.table, plant, setting, [recording])
+    data = make_data([recording], (WHOLE,), NOISE)
+    engine = engine_for(Setting((recording,), (), NOISE, ("x",), {}, 0.7), data, plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
-    return as_played(batch.grids[0], np.asarray(engine.motions(vector, batch.initial, batch)[1])[0])
+    [tiling] = data.tilings
+    [predicted] = engine.predict([Job(vector, 0, tiling.begins, tiling.states)])
+    return as_played(data.grids[0], predicted)
 
 
 def rms(force):

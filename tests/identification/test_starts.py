@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jbridge.identify.starts import fit_from_many
-from tests.identify.cases import DRY, cart_model, cart_recordings
+from jbridge import fit_from_many
+from tests.identification.cases import DRY, cart_model, cart_recordings
 from tests.problems import make_plant
 
 TRUTH = make_plant(DRY, cart_damping=50.0, cart_gain=15.0)

@@ -1,4 +1,4 @@
-"""Intervals: correlated residuals, directions that are not determined, and what is said of them."""
+"""Intervals: directions that are not determined, and what is said of them."""
 
 import tomllib
 
@@ -6,23 +6,9 @@ import numpy as np
 import pytest
 
 from jbridge._toml import as_value
-from jbridge.identification.uncertainty import as_uncertainty, correlation_time, estimates, inverse_normal, warnings
+from jbridge.identification.uncertainty import as_uncertainty, estimates, inverse_normal, warnings
 from jbridge.model.parameters import ParameterTable
 from tests.problems import make_plant
-
-
-def test_white_residuals_have_no_memory():
-    residual = np.random.default_rng(0).standard_normal((4, 3000, 3))
-    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx(1.0, abs=0.05)
-
-
-def test_residuals_with_memory():
-    keep, key = 0.9, np.random.default_rng(0)
-    residual = np.zeros((4, 8000, 1))
-    for k in range(1, 8000):
-        residual[:, k] = keep * residual[:, k - 1] + key.standard_normal((4, 1))
-    # Integrated correlation of a first-order process; its tail below 0.05 is not summed.
-    assert correlation_time(residual, np.ones(residual.shape, bool)) == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
 
 
 def test_inverse_of_a_badly_scaled_matrix():
@@ -108,17 +94,3 @@ def test_what_is_not_determined_is_said():
     narrow = np.diag([1e-4, 1e-4, 1e-20])
     (said,) = warnings(TABLE, at_bound, free, narrow)
     assert said == "coulomb_friction@cart.level ended at its bound of 0 N."
-
-
-def test_correlation_is_that_of_each_channels_own_samples():
-    """A camera beside an encoder: every fifth row, and hanging together from one picture to the next."""
-    key = np.random.default_rng(0)
-    slow = np.repeat(key.standard_normal(200), 5)[None, :, None]
-    measured = np.zeros((1, 1000, 1), bool)
-    measured[:, ::5] = True
-    often = np.convolve(key.standard_normal(204), np.full(5, 0.2), "valid")[None, :, None]
-    walk = np.zeros((1, 1000, 1))
-    walk[:, ::5] = often
-    assert correlation_time(np.where(measured, slow, 0.0), measured) < 1.5
-    alone = correlation_time(often, np.ones((1, 200, 1), bool))
-    assert alone > 3.0 and correlation_time(walk, measured) == pytest.approx(alone)

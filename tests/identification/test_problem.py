@@ -7,10 +7,8 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.identification.problem import make_setting, with_a_scale
-from jbridge.identify.setting import lanes_for
 from jbridge.model.files import Model
-from jbridge.model.parameters import ParameterTable
-from tests.identify.cases import DRY, FULL, TIMES, make_recording
+from tests.identification.cases import DRY, FULL, TIMES, make_recording
 from tests.problems import make_plant
 
 GIVEN = frozenset({
@@ -73,27 +71,3 @@ def test_a_mass_is_held_where_nothing_tells_how_large_forces_are():
 def test_one_known_force_is_scale_enough(name):
     given = dataclasses.replace(MODEL, known=frozenset({"gravity", name}))
     assert with_a_scale(given, ("x", "psi", "l")) == (given, None)
-
-
-@pytest.mark.parametrize(
-    ("effect", "trusted"),
-    [
-        (("sensor_offset", "x_sensor", {"offset": 0.0}), False),
-        (("sensor_delay", "x_sensor", {"delay": 0.02}), False),
-        (("sensor_offset", "psi_sensor", {"offset": 0.0}), True),
-        (DRY, True),
-    ],
-)
-def test_a_start_is_held_at_what_a_sensor_reads_if_it_may_read_right(effect, trusted):
-    """What is late reads right at rest, and not in motion."""
-    plant = make_plant(effect)
-    for run, still in ((recorded("moving.csv"), False), (recorded("resting.csv", x=RESTING), True)):
-        batch = lanes_for(ParameterTable(plant), plant, make_setting(MODEL, [run], []), [run])
-        assert bool(batch.prior[0, 0] > 100.0) == (trusted or (still and effect[0] == "sensor_delay"))
-
-
-@pytest.mark.parametrize(("link", "told"), [(0.1, 0.63), (3.0, 1.0)])
-def test_a_hook_takes_up_no_more_than_half_a_window(link, told):
-    run, plant = recorded("run.csv"), make_plant(("double_pendulum", "swing", {"link": link}))
-    batch = lanes_for(ParameterTable(plant), plant, make_setting(MODEL, [run], []), [run], window=2.0)
-    assert batch.told[0] == pytest.approx(told, abs=0.01)
