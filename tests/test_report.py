@@ -333,7 +333,7 @@ def test_terminal_tells_the_same_as_the_page(tmp_path):
     for part in (
         "PHYSICS IS MISSING",
         "cart drive (cart equation), 93 % of the evidence",
-        "dead zone, cart drive, probability 97 %",
+        "dead zone, cart drive, confirmed, probability 97 %",
         "0.301 V   (95 %: 0.280 to 0.322)",
         "cannot be told from: Stribeck friction, cart, probability 2 %",
         "25.7 mm (514 × noise)",

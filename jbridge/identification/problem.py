@@ -35,9 +35,9 @@ _STEP = 0.0051
 """Longest integration step of the rigid bridge [s],"""
 _FINEST = 8
 """and how many take its place at most."""
-_OWN = 4.0
-"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing: of that a fit leaves
-hardly anything."""
+_OWN = 1.0
+"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing. It goes with the square
+of the step, and what is not seen beside the noise must not look like another length of rope either."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
