@@ -18,14 +18,12 @@ class Criteria:
     """Standard errors by which a move may lose on blocks that are left out."""
     block: float = 3.0
     """Shortest block of a recording [s] for standard errors, where there are fewer than six recordings."""
-    refitted: int = 6
+    refitted: int = 8
     """Proposals that are refitted in each round; fewer miss what a linear screen underrates, more take time."""
     polished: int = 3
     """Of these, models that are fitted to all windows."""
     rounds: int = 12
     """Most effects that a search adds; a guard, not a limit that is met."""
-    apart: float = 0.05
-    """Share of resamples in which another explanation must be the best for the two not to count as told apart."""
     bootstrap: int = 200
     """Resamples of blocks behind a probability."""
     rivals: int = 3

@@ -1,17 +1,15 @@
 """The search for a structure: proposals are cheap and linear, judgement is by simulation and one criterion.
 
 A model is a set of effects beside what was given. In each round every effect that it lacks is weighed by a linear
-screen (the criterion on the quadratic model of every window), the best are refitted together on short windows, the
-best of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left
-out, replaced by a simpler law, or a known number is set free. It ends when no move lowers the criterion, or when less
-is left of every channel than one number costs.
+screen (the criterion on the quadratic model of every window), the best are refitted together, the best of these are
+fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left out, replaced by a
+simpler law, or a known number is set free. It ends when no move lowers the criterion.
 """
 
 import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +17,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import free_places
-from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
+from ..identification.solver import Normal, Point, Start, bounded_step, ties
 from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
@@ -33,16 +31,14 @@ _SOME = 3
 """Recordings on which proposals are screened and first refitted."""
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
-_SHORT = 1.0
-"""Horizon [s] on which proposals are screened and first refitted: long enough to show forces, and nearly linear."""
+_SHORT = 2
+"""Horizons on which proposals are screened and first refitted: the shortest ones, on which models are nearly linear."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
-_TRIAL, _POLISH, _LAST = 2, 3, 12
-"""Iterations of a first refit, of a fit to all windows, and of the chosen one's."""
+_TRIAL, _POLISH = 3, 8
+"""Iterations of a first refit, and of a fit to all windows."""
 _SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
 """Laws that stand in a map's place, and what is free of them."""
-_AT_ONCE = 2
-"""Programs that are compiled side by side."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,13 +50,10 @@ class Structure:
     """What was added, in the order in which it was."""
     keys: dict[Name, tuple[str, ...]]
     """Keys that are free of each."""
-    choices: dict[Name, float]
-    """Logarithm of the number of alternatives among which each was chosen."""
     point: Point
+    price: float
     blocks: NDArray[np.float64]
     """The criterion by block, each left out in turn."""
-    price: float
-    """What its numbers and the choices behind it must gain."""
 
     @property
     def value(self) -> float:
@@ -75,221 +68,167 @@ class Structure:
     def known(self) -> frozenset[str]:
         return self.space.known - {site for kind, site in self.names if kind == WRONG_VALUE}
 
-    def places(self, name: Name) -> list[int]:
-        """Where the free parameters of an added effect stand."""
-        groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in self.keys[name]]
-        return [p for group in groups for p in self.space.table.positions(group)]
-
 
 @dataclasses.dataclass(frozen=True)
 class Move:
     """A change of a structure, ready to be refitted."""
 
+    label: str
     space: Space
     names: tuple[Name, ...]
     keys: dict[Name, tuple[str, ...]]
-    choices: dict[Name, float]
-    start: Start
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    price: float
     absent: NDArray[np.float64] | None = None
     """The parameters at which what is added is absent."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Search:
-    """What a search held, one model after the other, and what it tried beside each."""
-
-    problem: Problem
-    held: tuple[Structure, ...]
-    tried: tuple[tuple[Structure, ...], ...]
-    """Models fitted to all windows in the round that began at each of `held`."""
-    stopped: str
-    """`criterion`, `budget` or `interrupted`."""
-
-
-def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadline: float) -> Search:
+def select(
+    problem: Problem, base: Structure, tell: Callable[[str], None], deadline: float
+) -> tuple[Problem, list[Structure], list[dict[str, object]], str]:
     """Searches from a base until no move lowers the criterion, or time is over.
 
-    Args:
-        problem: recordings and criterion.
-        base: the fitted model as given, see `base_structure`.
-        tell: takes a line on what is being done.
-        deadline: of `time.monotonic` [s].
+    Returns:
+        The problem with the last effective numbers of samples, the structures that were held one after the other, what
+        was tried in each round, and why the search stopped (`criterion` or `budget`).
     """
-    held: list[Structure] = [base]
-    tried: list[tuple[Structure, ...]] = []
-    seen = {frozenset(base.names)}
-    stopped = "criterion"
+    held, history = [base], []
     for number in range(CRITERIA.rounds):
         now = held[-1]
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
-        now = held[-1] = weighed(problem, dataclasses.replace(now, point=problem.revalued(now.point)))
-        added = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
-        tell(f"round {number + 1}: looking beyond {added}")
-        left = problem.likelihood.by_window(now.point.square).sum(axis=0)
-        if left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)):
-            break
-        try:
-            found = _round(problem, now, not number, seen, deadline)
-        except KeyboardInterrupt:
-            stopped = "interrupted"
-            break
+        now = revalued(problem, now)
+        held[-1] = now
+        tell(f"round {number + 1}: looking beyond {', '.join(kind for kind, _ in now.names) or 'the model as given'}")
+        moves, apart = _proposed(problem, now, deadline)
+        found = _all_fitted(problem, moves, now, deadline)
         better = [s for s in found if _accepts(now, s)]
-        tried.append(tuple(sorted(found, key=lambda s: s.value)))
+        if not better:
+            found += _all_fitted(problem, apart(), now, deadline)
+            better = [s for s in found if _accepts(now, s)]
+        history.append(_row(now, found))
+        if not better:
+            return problem, held, history, "criterion" if time.monotonic() < deadline else "budget"
+        held.append(_among_all(problem, min(better, key=lambda s: s.value)))
         if time.monotonic() > deadline:
-            stopped = "budget"
-        if better:
-            best = _among_all(problem, min(better, key=lambda s: s.value))
-            [point] = problem.solve(best.space.engine, [best.point.start], _LAST)
-            held.append(dataclasses.replace(best, point=point))
-            seen.add(frozenset(best.names))
-        if not better or stopped == "budget":
-            break
-    if stopped != "interrupted":
-        held[-1] = weighed(problem, held[-1])
-    return Search(problem, tuple(held), tuple(tried), stopped)
+            return problem, held, history, "budget"
+    return problem, held, history, "criterion"
 
 
-def base_structure(problem: Problem, space: Space, point: Point) -> Structure:
-    """A structure with nothing added, from its fitted point."""
-    return weighed(problem, Structure(space, (), {}, {}, point, np.zeros(0), 0.0))
-
-
-def weighed(problem: Problem, structure: Structure) -> Structure:
-    """A structure with its price, and its criterion by block."""
-    space, point = structure.space, structure.point
-    [normal] = problem.normal(space.engine, [point])
-    numbers = _numbers(problem, structure, normal)
-    price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
-    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal))
-
-
-def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
-    """Added numbers; those of a map by its effective degrees of freedom: no place counts that is not visited."""
-    free, n = structure.point.free, len(structure.point.free)
-    added = [int(np.flatnonzero(free == p)[0]) for name in structure.names for p in structure.places(name)]
-    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(structure.point.square), normal.products)[:n, :n]
-    tied = ties(structure.space.table, free, np.diag(total))
-    levels = {int(i) for members in structure.space.table.vectors(free) for i in members}
-    unit = np.sqrt(np.maximum(np.diag(total + tied), 1e-150))
-    scaled = (total + tied) / np.outer(unit, unit) + 1e-12 * np.eye(n)
-    share = np.diag(np.linalg.solve(scaled, total / np.outer(unit, unit)))
-    return float(sum(np.clip(share[i], 0.0, 1.0) if i in levels else 1.0 for i in added))
+def _row(now: Structure, found: Sequence[Structure]) -> dict[str, object]:
+    return {
+        "from": now.names,
+        "value": now.value,
+        "tried": [
+            (
+                sorted(set(s.names) ^ set(now.names)),
+                round(now.value - s.value, 2),
+                round(float((now.blocks - s.blocks).sum()), 2),
+            )
+            for s in sorted(found, key=lambda s: s.value)
+        ],
+    }
 
 
 def _accepts(now: Structure, then: Structure) -> bool:
     gain = now.blocks - then.blocks
     error = float(np.std(gain, ddof=1) * math.sqrt(len(gain))) if len(gain) > 1 else 0.0
-    steady = len(then.names) < len(now.names) or float(gain.sum()) > -CRITERIA.veto * error
-    return then.value < now.value and steady
+    fewer = len(then.point.free) < len(now.point.free)
+    if fewer:
+        # Within one standard error the structure with fewer numbers wins.
+        return then.value < now.value + min(error, 0.0) or then.value <= now.value
+    return then.value < now.value and float(gain.sum()) > -CRITERIA.veto * error
 
 
-# ------------------------------------------------------------------ a round
+def base_structure(problem: Problem, space: Space, point: Point) -> Structure:
+    """A structure with nothing added, from its fitted point."""
+    return Structure(space, (), {}, point, 0.0, left_out(problem, space, point))
 
 
-def _round(
-    problem: Problem, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
-) -> list[Structure]:
-    """All moves that were worth a fit to all windows, fitted."""
-    short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
-    part = problem.of_horizons([short]).of_some(_SOME)
-    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
-    # Shapes of effects show beside what is best on the same windows.
-    [there] = part.solve(now.space.engine, [begun], _POLISH)
-    every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
-    names = {c.name for c in every}
-    choice = {
-        name: math.log(len(names)) + math.log(sum(c.name == name for c in every if not is_apart(c.kind)) or 1)
-        for name in names
-    }
-    moves = _added(problem, part, now, there, [c for c in every if not is_apart(c.kind)], choice)
-    moves += [*_removals(problem, now), *_simplifications(problem, now)]
-    apart = [c for c in every if is_apart(c.kind)]
-    if first:
-        moves += _apart(problem, part, now, there, apart, choice, deadline)
-    found = _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
-    if not first and not any(_accepts(now, s) for s in found):
-        moves = _apart(problem, part, now, there, apart, choice, deadline)
-        found += _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
-    return found
-
-
-def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
-    """Moves fitted to all windows, those of one space side by side."""
-    out = []
-    for space in {id(m.space): m.space for m in moves}.values():
-        if time.monotonic() > deadline:
-            break
-        own = [m for m in moves if m.space is space]
-        points = problem.solve(space.engine, [m.start for m in own], _POLISH)
-        # What fits short windows may run away in long ones: then the effect grows from its absence, where the model
-        # is as good as the one that it contains.
-        again = [(i, m.absent) for i, m in enumerate(own) if points[i].value > now.point.value]
-        begun = [(i, Start(v, own[i].start.free, now.point.states)) for i, v in again if v is not None]
-        for (i, _), point in zip(begun, problem.solve(space.engine, [s for _, s in begun], _POLISH), strict=True):
-            points[i] = min(points[i], point, key=lambda p: p.value)
-        for move, point in zip(own, points, strict=True):
-            structure = Structure(space, move.names, move.keys, move.choices, point, np.zeros(0), 0.0)
-            out.append(weighed(problem, structure))
-    return out
+def revalued(problem: Problem, structure: Structure) -> Structure:
+    """A structure by another criterion."""
+    point = problem.revalued(structure.point)
+    return dataclasses.replace(structure, point=point, blocks=left_out(problem, structure.space, point))
 
 
 # ------------------------------------------------------------------ proposals
 
 
-def _added(
-    problem: Problem,
-    part: Problem,
-    now: Structure,
-    there: Point,
-    shared: Sequence[Candidate],
-    choice: dict[Name, float],
-) -> list[Move]:
-    """The effects that a linear screen puts first, refitted on the shorter windows; the best of them."""
-    best: dict[Name, tuple[float, Candidate, Start]] = {}
-    for found in sorted(_screened(part, now, there, shared), key=lambda found: found[0]):
-        best.setdefault(found[1].name, found)
-    ranked = list(best.values())
+def _proposed(problem: Problem, now: Structure, deadline: float) -> tuple[list[Move], Callable[[], list[Move]]]:
+    """Moves worth a fit to all windows, and a call for those with a program of their own."""
+    part = problem.of_horizons(problem.data.horizons[:_SHORT]).of_some(_SOME)
+    states = problem.states_of(now.point.states, part)
+    every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
+    shared = [c for c in every if not is_apart(c.kind)]
+    scored = sorted(_screened(part, now, states, shared), key=lambda found: found[0])
+    names: dict[Name, tuple[float, Candidate, NDArray[np.float64]]] = {}
+    for score, candidate, vector in scored:
+        names.setdefault(candidate.name, (score, candidate, vector))
+    number = len({c.name for c in every})
+    ranked = list(names.values())
     chosen = ranked[: CRITERIA.refitted]
     for site in dict.fromkeys(c.site for _, c, _ in ranked):
-        first = next(found for found in ranked if found[1].site == site)
-        if all(first[1].name != c.name for _, c, _ in chosen):
-            chosen.append(first)
-    fits = part.solve(now.space.engine, [start for _, _, start in chosen], _TRIAL)
+        best = next(found for found in ranked if found[1].site == site)
+        if all(best[1].name != c.name for _, c, _ in chosen):
+            chosen.append(best)
+    moves = [_adding(problem, now, c, vector, number, _grid(every, c)) for _, c, vector in chosen]
+    # Each refitted on the shorter windows, from the screen's estimate and from the effect's absence.
+    fits = part.solve(now.space.engine, [Start(m.vector, m.free, states) for m in moves], _TRIAL)
+    parent = part.likelihood.value(problem.square_of(now.point.square, part))
     # Where the screen's estimate leads astray, the effect starts from its absence.
-    astray = [i for i, point in enumerate(fits) if not point.value < there.value]
-    table = now.space.table
-    begun = [Start(chosen[i][1].set(table, there.vector), chosen[i][2].free, there.states) for i in astray]
+    astray = [i for i, point in enumerate(fits) if not point.value < parent]
+    begun = [Start(_at_seed(now, chosen[i][1]), moves[i].free, states) for i in astray]
     for i, point in zip(astray, part.solve(now.space.engine, begun, _TRIAL), strict=True):
         fits[i] = min(fits[i], point, key=lambda p: p.value)
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
-    out = []
-    for (_, candidate, start), point in zip(chosen, fits, strict=True):
-        numbers = min(len(start.free) - len(now.point.free), 2 * len(candidate.free))
-        states = problem.states_with(now.point.states, part, point.states)
-        move = Move(
-            now.space,
-            (*now.names, candidate.name),
-            {**now.keys, candidate.name: candidate.free},
-            {**now.choices, candidate.name: choice[candidate.name]},
-            Start(point.vector, start.free, states),
-            candidate.set(table, now.point.vector),
-        )
-        out.append((point.value + unit * numbers + choice[candidate.name], move))
-    out.sort(key=lambda found: found[0])
-    return [move for _, move in out[: CRITERIA.polished]]
+    refitted = [
+        (point.value + move.price, dataclasses.replace(move, vector=point.vector))
+        for move, point in zip(moves, fits, strict=True)
+    ]
+    refitted.sort(key=lambda found: found[0])
+    out = [move for _, move in refitted[: CRITERIA.polished]]
+    out += _removals(problem, now) + _simplifications(problem, now)
+    return out, (lambda: _apart(problem, part, now, states, every, number, deadline))
+
+
+def _grid(every: Sequence[Candidate], candidate: Candidate) -> int:
+    """Number of places that were tried to start a candidate from."""
+    return max(1, sum(c.name == candidate.name for c in every))
+
+
+def _at_seed(now: Structure, candidate: Candidate) -> NDArray[np.float64]:
+    return candidate.set(now.space.table, now.point.vector)
+
+
+def _places(now: Structure, candidate: Candidate) -> NDArray[np.int64]:
+    return candidate.places(now.space.table)
+
+
+def _adding(
+    problem: Problem, now: Structure, candidate: Candidate, vector: NDArray[np.float64], number: int, grid: int
+) -> Move:
+    free = np.array(list(dict.fromkeys([*now.point.free, *_places(now, candidate)])), np.int64)
+    price = now.price + _price(problem, len(free) - len(now.point.free), number, grid)
+    keys = {**now.keys, candidate.name: candidate.free}
+    names = (*now.names, candidate.name)
+    return Move("add", now.space, names, keys, vector, free, price, _at_seed(now, candidate))
+
+
+def _price(problem: Problem, numbers: float, candidates: int, grid: int) -> float:
+    """What further numbers, and the choice among so many, must gain."""
+    return 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + math.log(candidates) + math.log(grid)
 
 
 def _screened(
-    problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]
-) -> list[tuple[float, Candidate, Start]]:
-    """The criterion that each candidate would reach if windows were quadratic, and parameters and states there.
+    problem: Problem, now: Structure, states: tuple, shared: Sequence[Candidate]
+) -> list[tuple[float, Candidate, NDArray[np.float64]]]:
+    """The criterion that each candidate would reach if windows were quadratic, and the parameters there.
 
     Candidates that are absent where they start share a simulation: those that are each an effect's first seed, then
     the second ones, and so on. The others have one of their own.
     """
     groups: list[list[Candidate]] = []
     seen: dict[Name, int] = {}
-    for candidate in _thinned(problem, now, there, shared):
+    for candidate in _thinned(problem, now, states, shared):
         if candidate.finite:
             groups.append([candidate])
             continue
@@ -304,36 +243,28 @@ def _screened(
     table = now.space.table
     starts = []
     for group in groups:
-        vector, free = there.vector, [int(p) for p in there.free]
+        vector, free = now.point.vector, [int(p) for p in now.point.free]
         for candidate in group:
             vector = candidate.set(table, vector)
             if candidate.harmonic:
                 # A small amplitude, so that the phase shows.
                 vector[table.positions(candidate.group("amplitude"))] = 1e-6
-            free += [int(p) for p in _linear_places(now, candidate) if p not in free]
-        starts.append(Start(vector, np.array(free, np.int64), there.states))
+            free += [int(p) for p in _places(now, candidate) if p not in free]
+        starts.append(Start(vector, np.array(free, np.int64), states))
     points = problem.evaluate(now.space.engine, starts)
     normals = problem.normal(now.space.engine, points)
     out = []
     for group, point, normal in zip(groups, points, normals, strict=True):
         for candidate in group:
-            wanted = np.array(list(dict.fromkeys([*there.free, *_linear_places(now, candidate)])), np.int64)
+            wanted = np.array(list(dict.fromkeys([*now.point.free, *_places(now, candidate)])), np.int64)
             columns = [int(np.flatnonzero(point.free == p)[0]) for p in wanted]
             step, value = linear_optimum(problem, now.space, point, normal, columns)
-            vector = candidate.set(table, there.vector)
+            vector = candidate.set(table, now.point.vector)
             vector[wanted] = point.vector[wanted] + step
             if candidate.harmonic:
                 _as_wave(table, candidate, point.vector, vector)
-            change = normal.shift + normal.back[:, :, columns] @ step
-            states = moved_states(problem.data, problem.windows, there.states, change)
-            own = list(dict.fromkeys([*there.free, *candidate.places(table)]))
-            out.append((value, candidate, Start(vector, np.array(own, np.int64), states)))
+            out.append((value, candidate, vector))
     return out
-
-
-def _linear_places(now: Structure, candidate: Candidate) -> NDArray[np.int64]:
-    """Parameters that do something where a candidate starts."""
-    return candidate.places(now.space.table, None if candidate.finite else candidate.linear)
 
 
 def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64], vector: NDArray[np.float64]) -> None:
@@ -343,7 +274,7 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
     vector[a], vector[p] = math.hypot(sine, cosine), at[p] + math.atan2(cosine, sine)
 
 
-def _thinned(problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]) -> list[Candidate]:
+def _thinned(problem: Problem, now: Structure, states: tuple, shared: Sequence[Candidate]) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left."""
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
@@ -351,7 +282,7 @@ def _thinned(problem: Problem, now: Structure, there: Point, shared: Sequence[Ca
     out = [c for own in many.values() if len(own) <= _MOST_STARTS for c in own]
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
-        left = problem.residuals(now.space.engine, there)
+        left = problem.residuals(now.space.engine, Start(now.point.vector, now.point.free, states))
         bridge = now.space.own.bridge
         fade = float(bridge.cart_damping / bridge.cart_mass)
         for own in crowded:
@@ -419,28 +350,12 @@ def _response(t: NDArray[np.float64], force: NDArray[np.float64], fade: float) -
 
 
 def linear_optimum(
-    problem: Problem,
-    space: Space,
-    point: Point,
-    normal: Normal,
-    columns: Sequence[int],
-    away: NDArray[np.float64] | None = None,
+    problem: Problem, space: Space, point: Point, normal: Normal, columns: Sequence[int]
 ) -> tuple[NDArray[np.float64], float]:
-    """Step of some free parameters that minimises the criterion on the windows' quadratics, and the criterion there.
-
-    Args:
-        problem: recordings and criterion.
-        space: of the model.
-        point: where the windows were linearised.
-        normal: there.
-        columns: those of the free parameters that may move.
-        away: a step that is made before, of all free parameters.
-    """
+    """Step of some free parameters that minimises the criterion on the windows' quadratics, and the criterion there."""
     n = len(point.free)
-    turned = np.eye(n + 1)
-    turned[:n, n] = 0.0 if away is None else away
-    turned = turned[:, [*columns, n]]
-    products = np.einsum("ia,wcij,jb->wcab", turned, normal.products, turned, optimize=True)
+    take = [*columns, n]
+    products = normal.products[:, :, take][:, :, :, take]
     places = point.free[list(columns)]
     low, high = space.table.bounds()
     least, most = low[places] - point.vector[places], high[places] - point.vector[places]
@@ -469,38 +384,66 @@ def _square(problem: Problem, products: NDArray[np.float64], step: NDArray[np.fl
 # ------------------------------------------------------------------ other moves
 
 
+def _among_all(problem: Problem, structure: Structure) -> Structure:
+    """A structure in a space that has every effect of a shared program beside what it consists of."""
+    space = structure.space
+    if space.shared:
+        return structure
+    added = [n for n in structure.names if n[0] != WRONG_VALUE and not is_apart(n[0])]
+    return _rebuilt(problem, structure, [e for e in structure.plant.effects if (e.kind, e.site) not in added])
+
+
+def _rebuilt(problem: Problem, structure: Structure, own: Sequence[AbstractEffect]) -> Structure:
+    """A structure in the space of other effects that every model has."""
+    plant = structure.plant
+    space = make_space(problem, Plant(plant.bridge, tuple(own)), structure.space.known)
+    free = [structure.space.table.entry(int(p)).name for p in structure.point.free]
+    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
+    start = Start(space.with_values(plant), places, structure.point.states)
+    [point] = problem.evaluate(space.engine, [start])
+    return dataclasses.replace(structure, space=space, point=point)
+
+
 def _removals(problem: Problem, now: Structure) -> list[Move]:
-    """The added effect left out that a linear look at the windows misses least, if it may pay."""
-    if not now.names:
-        return []
-    [normal] = problem.normal(now.space.engine, [now.point])
-    losses = {}
+    """Each added effect left out."""
+    out = []
+    extra = max(sum(len(_free_of(now, name)) for name in now.names), 1)
     for name in now.names:
-        columns = [i for i, p in enumerate(now.point.free) if int(p) not in now.places(name)]
-        gone = [i for i in range(len(now.point.free)) if i not in columns]
-        away = np.zeros(len(now.point.free))
-        away[gone] = now.space.absent[now.point.free[gone]] - now.point.vector[now.point.free[gone]]
-        _, losses[name] = linear_optimum(problem, now.space, now.point, normal, columns, away)
-    name = min(losses, key=lambda n: losses[n])
-    return [_without(problem, now, name)]
-
-
-def _without(problem: Problem, now: Structure, name: Name) -> Move:
-    names = tuple(n for n in now.names if n != name)
-    keys = {n: k for n, k in now.keys.items() if n != name}
-    choices = {n: c for n, c in now.choices.items() if n != name}
-    gone = now.places(name)
-    if not is_apart(name[0]):
+        gone = _free_of(now, name)
+        price = now.price * (1.0 - len(gone) / extra)
+        keys = {n: k for n, k in now.keys.items() if n != name}
+        names = tuple(n for n in now.names if n != name)
+        if is_apart(name[0]):
+            out.append(_without_apart(problem, now, name, names, keys, price))
+            continue
         vector = now.point.vector.copy()
         vector[gone] = now.space.absent[gone]
         free = np.array([p for p in now.point.free if p not in gone], np.int64)
-        return Move(now.space, names, keys, choices, Start(vector, free, now.point.states))
+        out.append(Move("leave out", now.space, names, keys, vector, free, price))
+    return out
+
+
+def _without_apart(
+    problem: Problem,
+    now: Structure,
+    name: Name,
+    names: tuple[Name, ...],
+    keys: dict[Name, tuple[str, ...]],
+    price: float,
+) -> Move:
+    """A model without an effect that has a program of its own, which changes what all models share."""
     own = Plant(now.plant.bridge, tuple(e for e in now.space.own.effects if (e.kind, e.site) != name))
     space = make_space(problem, own, now.space.known)
+    gone = _free_of(now, name)
     left = [now.space.table.entry(int(p)).name for p in now.point.free if p not in gone]
     free = np.array([space.table.positions(entry)[0] for entry in left], np.int64)
-    plant = Plant(now.plant.bridge, tuple(e for e in now.plant.effects if (e.kind, e.site) != name))
-    return Move(space, names, keys, choices, Start(space.with_values(plant), free, now.point.states))
+    return Move("leave out", space, names, keys, space.with_values(_without(now, name)), free, price)
+
+
+def _free_of(now: Structure, name: Name) -> list[int]:
+    table = now.space.table
+    groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in now.keys[name]]
+    return [p for group in groups for p in table.positions(group)]
 
 
 def _simplifications(problem: Problem, now: Structure) -> list[Move]:
@@ -509,66 +452,69 @@ def _simplifications(problem: Problem, now: Structure) -> list[Move]:
     for name in now.names:
         if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
             continue
-        level = float(np.mean(now.point.vector[now.places(name)]))
-        bare = _without(problem, now, name)
-        present = {(e.kind, e.site) for e in now.plant.effects}
+        level = float(np.mean(now.point.vector[_free_of(now, name)]))
+        left = tuple(n for n in now.names if n != name)
+        rest = {n: k for n, k in now.keys.items() if n != name}
+        bare = _without_apart(problem, now, name, left, rest, 0.0)
+        present = {(e.kind, e.site) for e in bare.space.own.effects} | set(left)
         for kind, keys in _SIMPLER.items():
-            simple = (kind, name[1])
-            if simple in present:
+            if (kind, name[1]) in present:
                 continue
-            places = [p for key in keys for p in bare.space.table.positions(f"{kind}@{name[1]}.{key}")]
-            vector = bare.start.vector.copy()
+            vector, places = bare.vector.copy(), []
+            for key in keys:
+                places += bare.space.table.positions(f"{kind}@{name[1]}.{key}")
             vector[places] = level
-            start = Start(vector, np.array([*bare.start.free, *places], np.int64), now.point.states)
-            choices = {**bare.choices, simple: now.choices[name]}
-            out.append(Move(bare.space, (*bare.names, simple), {**bare.keys, simple: keys}, choices, start))
+            free = np.array([*bare.free, *places], np.int64)
+            price = _price(problem, len(free) - len(bare.space.base), len(_SIMPLER), 1)
+            names, freed = (*left, (kind, name[1])), rest | {(kind, name[1]): keys}
+            out.append(Move("simplify", bare.space, names, freed, vector, free, price))
     return out
+
+
+def _without(now: Structure, name: Name) -> Plant:
+    plant = now.plant
+    return Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) != name))
 
 
 def _apart(
     problem: Problem,
     part: Problem,
     now: Structure,
-    there: Point,
-    apart: Sequence[Candidate],
-    choice: dict[Name, float],
+    states: tuple,
+    every: Sequence[Candidate],
+    number: int,
     deadline: float,
 ) -> list[Move]:
-    """The best effect with a program of its own, refitted on the shorter windows beside the model alone."""
+    """Effects with a program of their own: refitted beside the model alone, the best fitted on."""
+    out: list[tuple[float, Move]] = []
+    plant, known = now.plant, now.known
     by_name: dict[Name, list[Candidate]] = {}
-    for candidate in apart:
-        by_name.setdefault(candidate.name, []).append(candidate)
-    plant, known = now.space.plant_of(there.vector, now.names), now.known
-
-    def tried(name: Name) -> tuple[float, Plant, Candidate, Point] | None:
-        seeds = by_name[name]
+    for candidate in every:
+        if is_apart(candidate.kind):
+            by_name.setdefault(candidate.name, []).append(candidate)
+    for name, seeds in by_name.items():
         if time.monotonic() > deadline:
-            return None
+            break
         own = plant.adding(_effect(seeds[0]))
         try:
             space = make_space(part, own, known, shared=False)
         except ValueError:
-            return None
+            continue
         starts = []
         for candidate in seeds:
             vector = candidate.set(space.table, space.absent)
-            starts.append(Start(vector, _freed(space, known, part, candidate), there.states))
+            starts.append(Start(vector, _freed(space, own, known, part, candidate), states))
         fits = part.solve(space.engine, starts, _TRIAL)
         which = int(np.argmin([p.value for p in fits]))
-        return fits[which].value, own, seeds[which], fits[which]
-
-    with ThreadPoolExecutor(_AT_ONCE) as pool:
-        found = [t for t in pool.map(tried, by_name) if t is not None]
-    if not found:
-        return []
-    _, own, candidate, point = min(found, key=lambda t: t[0])
-    space = make_space(problem, own, known, shared=False)
-    keys, choices = (
-        {**now.keys, candidate.name: candidate.free},
-        {**now.choices, candidate.name: choice[candidate.name]},
-    )
-    states = problem.states_with(now.point.states, part, point.states)
-    return [Move(space, (*now.names, candidate.name), keys, choices, Start(point.vector, point.free, states))]
+        point, candidate = fits[which], seeds[which]
+        extra = len(point.free) - len(now.point.free)
+        price = now.price + _price(problem, extra, number, len(seeds))
+        if out and point.value + price >= min(v for v, _ in out):
+            continue
+        full = make_space(problem, own, known, shared=False)
+        keys = {**now.keys, name: candidate.free}
+        out = [(point.value + price, Move("add", full, (*now.names, name), keys, point.vector, point.free, price))]
+    return [move for _, move in out]
 
 
 def _effect(candidate: Candidate) -> AbstractEffect:
@@ -577,27 +523,39 @@ def _effect(candidate: Candidate) -> AbstractEffect:
     )
 
 
-def _freed(space: Space, known: frozenset[str], problem: Problem, candidate: Candidate) -> NDArray[np.int64]:
+def _freed(
+    space: Space, own: Plant, known: frozenset[str], problem: Problem, candidate: Candidate
+) -> NDArray[np.int64]:
     free = [int(p) for p in free_places(space.table, known, problem.setting)]
-    keys = [key for key, info in parameters_of(CATALOGUE[candidate.kind]).items() if info.fitted]
-    mine = {p for key in keys for p in space.table.positions(f"{candidate.kind}@{candidate.site}.{key}")}
+    mine = {
+        p for key in _keys_of(candidate.kind) for p in space.table.positions(f"{candidate.kind}@{candidate.site}.{key}")
+    }
     wanted = set(map(int, candidate.places(space.table)))
     return np.array([p for p in free if p not in mine or p in wanted], np.int64)
 
 
-def _among_all(problem: Problem, structure: Structure) -> Structure:
-    """A structure in a space that has every effect of a shared program beside what it consists of."""
-    if structure.space.shared:
-        return structure
-    plant = structure.plant
-    added = [n for n in structure.names if n[0] != WRONG_VALUE and not is_apart(n[0])]
-    own = tuple(e for e in plant.effects if (e.kind, e.site) not in added)
-    known = structure.space.known | {site for kind, site in structure.names if kind == WRONG_VALUE}
-    space = make_space(problem, Plant(plant.bridge, own), known)
-    free = [structure.space.table.entry(int(p)).name for p in structure.point.free]
-    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
-    [point] = problem.evaluate(space.engine, [Start(space.with_values(plant), places, structure.point.states)])
-    return dataclasses.replace(structure, space=space, point=point)
+def _keys_of(kind: str) -> list[str]:
+    return [key for key, info in parameters_of(CATALOGUE[kind]).items() if info.fitted]
+
+
+def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
+    """Moves fitted to all windows, those of one space side by side."""
+    out = []
+    for space in {id(m.space): m.space for m in moves}.values():
+        if time.monotonic() > deadline:
+            break
+        own = [m for m in moves if m.space is space]
+        starts = [Start(m.vector, m.free, now.point.states) for m in own]
+        points = problem.solve(space.engine, starts, _POLISH)
+        # What fits short windows may run away in long ones: then the effect grows from its absence, where the model
+        # is as good as the one that it contains.
+        again = [(i, m.absent) for i, m in enumerate(own) if points[i].value > now.point.value]
+        begun = [(i, Start(v, own[i].free, now.point.states)) for i, v in again if v is not None]
+        for (i, _), point in zip(begun, problem.solve(space.engine, [s for _, s in begun], _POLISH), strict=True):
+            points[i] = min(points[i], point, key=lambda p: p.value)
+        for move, point in zip(own, points, strict=True):
+            out.append(Structure(space, move.names, move.keys, point, move.price, left_out(problem, space, point)))
+    return out
 
 
 # ------------------------------------------------------------------ blocks
@@ -627,8 +585,9 @@ def _swing_period(problem: Problem) -> float:
     return 2.0 * math.pi * math.sqrt(problem.setting.length / 9.81)
 
 
-def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
+def left_out(problem: Problem, space: Space, point: Point) -> NDArray[np.float64]:
     """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit."""
+    [normal] = problem.normal(space.engine, [point])
     blocks = blocks_of(problem)
     weight = problem.likelihood.weights(point.square)
     n = len(point.free)

@@ -1,8 +1,8 @@
 """All models that a search compares, as one compiled plant.
 
-Effects without a coordinate of their own stand side by side in one plant, absent at their null values. Which of them a
-model has is which of their parameters are free, so that one program serves every model of a search. Mechanisms, and
-friction with a hidden spring, would slow that program down; each has one of its own.
+Effects without a state or a dead time of their own stand side by side in one plant, absent at their null values. Which
+of them a model has is which of their parameters are free, so that one program serves every model of a search. Effects
+with a hidden state, a dead time, or a map of many levels would slow that program down; each has one of its own.
 """
 
 import dataclasses
@@ -13,17 +13,24 @@ from numpy.typing import NDArray
 
 from ..identification.estimation import Problem, engine_for
 from ..identification.problem import Setting, free_places, scene_of
-from ..identification.sensitivity import WIDTHS, Engine
+from ..identification.sensitivity import Engine
 from ..model.effects.base import AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
-from ..model.effects.friction import PreslidingFriction
+from ..model.effects.drives import InputDelay
+from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction, PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import Candidate, candidates
 
 Name = tuple[str, str]
 """Kind and site of an effect."""
-_APART = (AbstractMechanism, PreslidingFriction)
+_APART = (
+    AbstractMechanism,
+    InputDelay,
+    PositionDependentFriction,
+    PositionDirectionFriction,
+    PreslidingFriction,
+)
 
 
 def is_apart(kind: str) -> bool:
@@ -88,8 +95,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
                 first.setdefault(candidate.name, candidate)
         effects = [make_effect(kind, site, _null(candidate)) for (kind, site), candidate in first.items()]
     plant = own.adding(*effects)
-    # A large program takes long to compile: one width serves all models.
-    engine = engine_for(problem.setting, problem.data, plant, WIDTHS[-1:] if shared else WIDTHS)
+    engine = engine_for(problem, plant)
     table = ParameterTable(own)
     base = free_places(table, known, problem.setting)
     places = [engine.table.positions(table.entry(int(p)).name)[0] for p in base]

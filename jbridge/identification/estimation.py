@@ -18,7 +18,7 @@ from ..model.steps import longest_step
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import WIDTHS, Engine
+from .sensitivity import Engine
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -84,13 +84,6 @@ class Problem:
         tilings = self.data.tilings
         return tuple(s for s, t in zip(states, tilings, strict=True) if (t.recording, t.horizon) in kept)
 
-    def states_with(
-        self, states: Sequence[NDArray[np.float64]], part: "Problem", own: Sequence[NDArray[np.float64]]
-    ) -> tuple[NDArray[np.float64], ...]:
-        """Initial states of all tilings, with those of a part of this problem put in."""
-        found = {(t.recording, t.horizon): s for t, s in zip(part.data.tilings, own, strict=True)}
-        return tuple(found.get((t.recording, t.horizon), s) for t, s in zip(self.data.tilings, states, strict=True))
-
     def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
         """Those windows' errors that belong to a part of this problem."""
         kept = {(t.recording, t.horizon) for t in part.data.tilings}
@@ -129,9 +122,9 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(setting: Setting, data: Data, plant: Plant, widths: tuple[int, ...] = WIDTHS) -> Engine:
-    """Compiled simulations of a plant on recordings."""
-    table = ParameterTable(plant)
+def engine_for(problem: Problem, plant: Plant) -> Engine:
+    """Compiled simulations of a plant on a problem's recordings."""
+    table, data = ParameterTable(plant), problem.data
     own = overrides(table, data.recordings)
     memory = 1.5 * sum(float(e.delay) for e in plant.all(InputDelay)) + 5.0 * max(map(float, plant.time_constants()))
     history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
@@ -139,8 +132,8 @@ def engine_for(setting: Setting, data: Data, plant: Plant, widths: tuple[int, ..
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), widths)
+    step = longest_step(plant, problem.setting.step)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)))
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
@@ -155,7 +148,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
     Returns:
         The problem with the effective numbers of samples that the fitted model's residuals have, and the model.
     """
-    engine = engine_for(problem.setting, problem.data, plant)
+    engine = engine_for(problem, plant)
     start = start_of(problem, engine, plant, known)
     horizons = problem.data.horizons
     for last in range(1, len(horizons) + 1):

@@ -1,0 +1,1 @@
+"""From recordings and a model to parameters with their uncertainty."""
