@@ -61,34 +61,16 @@ class Problem:
 
     def of_horizons(self, horizons: Sequence[float]) -> "Problem":
         """The same with the windows of some horizons only; the criterion of the others is left out."""
-        return self._of([t.horizon in horizons for t in self.data.tilings])
-
-    def of_some(self, most: int) -> "Problem":
-        """The same with so many of the recordings' tilings at most, evenly chosen."""
-        count = len(self.data.grids)
-        if count <= most:
-            return self
-        kept = set(np.linspace(0, count - 1, most).round().astype(int).tolist())
-        return self._of([t.recording in kept for t in self.data.tilings])
-
-    def _of(self, keep: Sequence[bool]) -> "Problem":
-        data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])
-        chosen = np.array(keep)[self.windows.tiling]
+        data = self.data.of_horizons(horizons)
+        chosen = np.isin(self.windows.horizon, horizons)
         own = self.likelihood
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
         """Those initial states that belong to the tilings of a part of this problem."""
-        kept = {(t.recording, t.horizon) for t in part.data.tilings}
-        tilings = self.data.tilings
-        return tuple(s for s, t in zip(states, tilings, strict=True) if (t.recording, t.horizon) in kept)
-
-    def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
-        """Those windows' errors that belong to a part of this problem."""
-        kept = {(t.recording, t.horizon) for t in part.data.tilings}
-        keep = np.array([(t.recording, t.horizon) in kept for t in self.data.tilings])
-        return square[keep[self.windows.tiling]]
+        kept = part.data.horizons
+        return tuple(s for s, t in zip(states, self.data.tilings, strict=True) if t.horizon in kept)
 
     @property
     def guesses(self) -> tuple[NDArray[np.float64], ...]:
@@ -110,10 +92,6 @@ class Problem:
 
     def residuals(self, engine: Engine, point: Start | Point) -> list[NDArray[np.float64]]:
         return residuals(engine, self.data, point)
-
-    def revalued(self, point: Point) -> Point:
-        """A point by this problem's criterion."""
-        return dataclasses.replace(point, value=self.likelihood.value(point.square))
 
 
 def make_problem(setting: Setting, data: Data) -> Problem:
