@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from jbridge.fuzzy.check import idle_parts as idle_parts
     from jbridge.fuzzy.fis import load_fis as load_fis
     from jbridge.fuzzy.fis import save_fis as save_fis
-    from jbridge.identify.fit import fit as fit
-    from jbridge.identify.result import Fit as Fit
-    from jbridge.identify.starts import Starts as Starts
-    from jbridge.identify.starts import fit_from_many as fit_from_many
+    from jbridge.identification.fit import Starts as Starts
+    from jbridge.identification.fit import fit as fit
+    from jbridge.identification.fit import fit_from_many as fit_from_many
+    from jbridge.identification.result import Fit as Fit
     from jbridge.loop import closed_loop as closed_loop
     from jbridge.model.bridge import Bridge as Bridge
     from jbridge.model.effects.base import AbstractForce as AbstractForce
@@ -110,7 +110,7 @@ _HOMES = {
     "Diagnosis": "diagnosis.result",
     "Every": "collect",
     "Everything": "collect",
-    "Fit": "identify.result",
+    "Fit": "identification.result",
     "Former": "diagnosis.result",
     "FuzzyController": "control.fuzzy",
     "FuzzyKnobs": "tuning.knobs",
@@ -126,7 +126,7 @@ _HOMES = {
     "Reference": "control.base",
     "Region": "tuning.ensemble",
     "Scatter": "tuning.ensemble",
-    "Starts": "identify.starts",
+    "Starts": "identification.fit",
     "StateFeedback": "control.linear",
     "Sweep": "sweep.spec",
     "SweepResult": "sweep.run",
@@ -141,8 +141,8 @@ _HOMES = {
     "describe_tuning": "report.tuning",
     "diagnose": "diagnosis.diagnose",
     "extended_controller": "control.extended",
-    "fit": "identify.fit",
-    "fit_from_many": "identify.starts",
+    "fit": "identification.fit",
+    "fit_from_many": "identification.fit",
     "idle_parts": "fuzzy.check",
     "join": "sweep.processes",
     "knobs_of": "tuning.knobs",

@@ -41,9 +41,10 @@ anything, where, and what it is.
 DIR receives report.html (to look at), report.json (the same in numbers),
 model.toml (the model with what was found) and the figures.
 
-Recordings behind --holdout are the proof: no number is learned from them. If
-several show what the others hardly do, one is learned from after all, and the
-report says so. Without any, the last quarter of the recordings plays that part.
+Recordings behind --holdout are the proof: no number is learned from them, and
+they are opened once, when the structure is fixed. Without any, the last quarter
+of the recordings plays that part. Ctrl-C writes what was found by then, without
+a verdict.
 
 Where explanations cannot be told apart, DIR receives next_experiment.csv, an
 input that would separate them. Play it, and call the same command again with
@@ -145,12 +146,20 @@ def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
     model, recordings, holdout = _load(arguments, progress)
     count = len(recordings) - len(arguments.new)
     result = jbridge.diagnose(
-        model, recordings[:count], holdout, new=recordings[count:], former=former, progress=progress
+        model,
+        recordings[:count],
+        holdout,
+        new=recordings[count:],
+        former=former,
+        budget=arguments.budget,
+        progress=progress,
     )
     progress("drawing")
     jbridge.save_report(arguments.out, result)
     progress.clear()
     print(jbridge.describe_diagnosis(result, arguments.out), end="")
+    if result.stopped == "interrupted":
+        raise KeyboardInterrupt
 
 
 def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -334,6 +343,13 @@ def _parser() -> _Parser:
     )
     _add_recordings(diagnose)
     diagnose.add_argument(
+        "--budget",
+        metavar="SECONDS",
+        type=_budget,
+        default=300.0,
+        help="time for the whole diagnosis; what was found by then is reported (%(default)g)",
+    )
+    diagnose.add_argument(
         "--with",
         dest="new",
         metavar="NEW.csv",
@@ -379,6 +395,14 @@ def _parser() -> _Parser:
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )
     return parser
+
+
+def _budget(text: str) -> float:
+    """A time that a diagnosis can do something with."""
+    value = float(text)
+    if not 1.0 <= value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text}: give seconds, at least 1")
+    return value
 
 
 def _command(

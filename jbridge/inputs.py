@@ -50,17 +50,23 @@ def interval_edges(lane: Lane) -> Float[Array, " edge"]:
     return jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
 
 
-def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history edge"]:
+def step_edges(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> Float[Array, "history edge"]:
     """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
 
     A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
     cut where the late input changes, and every part has its steps. (Where sampling is so uneven that an input changes
     twice in an interval, the second change counts by its moments.)
+
+    Args:
+        plant: what moves.
+        lane: intervals.
+        substeps: steps of an interval, or of every part of it.
+        cut: whether intervals are cut; otherwise all changes count by their moments, in a third of the steps.
     """
     edges = interval_edges(lane)
     begin, end = edges[:-1], edges[1:]
     cuts = []
-    for effect in plant.all(InputDelay):
+    for effect in plant.all(InputDelay) if cut else ():
         j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
         late = edges[j] + effect.delay
         # Rounding may put a delay of whole intervals a hair before the interval.

@@ -212,9 +212,16 @@ def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"
     return Motions(q, v, Axes(lags[0], zero, lags[1]), z)
 
 
-def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[Array, " 2"]]:
-    """The intervals of a lane (each field with a leading axis of time), and the lags' states at its beginning."""
-    steps = step_edges(plant, lane, substeps)
+def timetable(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> tuple[Interval, Float[Array, " 2"]]:
+    """The intervals of a lane (each field with a leading axis of time), and the lags' states at its beginning.
+
+    Args:
+        plant: what moves.
+        lane: inputs and times.
+        substeps: integration steps in each interval.
+        cut: whether intervals are cut where a late input changes, see `step_edges`.
+    """
+    steps = step_edges(plant, lane, substeps, cut=cut)
     drives = drive_inputs(plant, lane, steps)
     constants = plant.time_constants()
     steps = steps[lane.before.shape[0] :]

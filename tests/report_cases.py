@@ -11,6 +11,7 @@ from jbridge.diagnosis.result import (
     Channel,
     Continued,
     Diagnosis,
+    Horizon,
     Interval,
     Likeness,
     Location,
@@ -21,7 +22,7 @@ from jbridge.diagnosis.result import (
     Region,
     Rival,
 )
-from jbridge.identify.result import Errors, Estimate, Fit, Trace
+from jbridge.identification.result import Errors, Estimate, Fit, Trace
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.drives import DeadZone
 from jbridge.model.effects.friction import CoulombFriction
@@ -194,13 +195,15 @@ def missing_physics():
     """A diagnosis with everything that one can hold."""
     return Diagnosis(
         verdict="missing_physics",
+        complete=True,
+        explained={"all": 0.98, "x": 0.97, "psi": 0.99},
+        stopped="criterion",
         statement="The drive of the cart has a dead zone: below about 0.30 V the motor does nothing. With it the"
         " simulation meets the recordings to 1.1 times the sensors' noise.",
         adequacy=Adequacy(
             alarm=True,
-            p_value=0.001,
-            learnable_before=0.91,
-            learnable_after=0.02,
+            repeatable_before=0.91,
+            repeatable_after=0.02,
             channels={
                 "x": Channel(0.0213, 5e-5),
                 "psi": Channel(0.031, 4.5e-4),
@@ -229,19 +232,30 @@ def missing_physics():
         holdout_after=Errors({"x": 6.5e-5, "psi": 4.9e-4, "l": 6.2e-5}, {"x": 5.3e-5, "psi": 4.7e-4, "l": 6e-5}),
         noise=NOISE,
         window=2.0,
+        horizons=tuple(
+            Horizon(
+                seconds,
+                {"x": 2e-3 * seconds**1.5, "psi": 4e-3 * seconds, "l": 6.1e-5},
+                {"x": 6e-5, "psi": 4.8e-4, "l": 6.1e-5},
+                {"x": 1e-3 * seconds**1.5, "psi": 2e-3 * seconds, "l": 6e-5},
+                {"x": 5.5e-5, "psi": 4.6e-4, "l": 6e-5},
+                None if seconds < 1 else {"x": 8e-5, "psi": 5e-4, "l": 7e-5},
+            )
+            for seconds in (0.1, 0.3, 1.0, 2.0, 3.0)
+        ),
         holdout=("holdout-1.csv",),
         traces=traces(),
         trials=(
-            {"kind": "dead_zone", "site": "cart_drive", "cost_over_noise": 1.08, "accepted": True, "why": "accepted"},
+            {"kind": "dead_zone", "site": "cart_drive", "gain": 108.5, "price": 9.1, "accepted": True},
             {
                 "kind": "stribeck_friction",
                 "site": "cart",
-                "cost_over_noise": np.float64(6.31),
+                "gain": np.float64(6.31),
+                "price": 11.0,
                 "accepted": False,
-                "why": "worse on other recordings",
             },
-            {"kind": "backlash", "site": "cart", "cost_over_noise": math.nan, "accepted": False, "why": "diverged"},
-            {"kind": "wrong_value", "site": "load_mass", "cost_over_noise": 93.0, "accepted": False, "why": None},
+            {"kind": "backlash", "site": "cart", "gain": math.nan, "price": 11.0, "accepted": False},
+            {"kind": "wrong_value", "site": "load_mass", "gain": 93.0, "price": None, "accepted": False},
         ),
         next_experiment=NextExperiment(
             purpose="A slow staircase of voltages between -0.6 and 0.6 V shows whether the motor or the cart's"
@@ -291,7 +305,8 @@ def adequate():
         full,
         verdict="adequate",
         statement="The model explains the recordings down to the sensors' noise; nothing needs to be added.",
-        adequacy=Adequacy(False, 0.41, math.nan, math.nan, {"x": Channel(5.4e-5, 5e-5), "psi": Channel(4.6e-4, 0.0)}),
+        explained={},
+        adequacy=Adequacy(False, None, None, {"x": Channel(5.4e-5, 5e-5), "psi": Channel(4.6e-4, 0.0)}),
         location=Location(None, "none", {}, (), ()),
         effects=(),
         train_before=full.train_after,
@@ -314,7 +329,9 @@ def unknown():
         full,
         verdict="unknown",
         statement="Something acts on the cart near x = 0.8 m that no physics of the catalogue explains.",
-        adequacy=dataclasses.replace(full.adequacy, p_value=math.nan),
+        complete=False,
+        explained={"all": -0.1, "x": -0.1},
+        stopped="budget",
         location=Location(
             "cart",
             "cart",

@@ -411,27 +411,6 @@ def test_cases_run_again_are_a_column_and_no_proof(tmp_path, monkeypatch):
     assert names == [] and [hits for _, hits, n in seen if n] == [0]
 
 
-def test_ablations_compare_the_same_cases():
-    answer = report_of("missing_physics", effects=[("input_delay", "cart_drive", {"delay": 0.02})])
-    right = score(truth_of([DELAY]), answer) | {"id": "a", "code": "1", "p_value": 0.005}
-    wrong = score(truth_of([DELAY]), report_of("adequate", "none")) | {"id": "a", "code": "1", "p_value": None}
-    other = {"id": "b", "without": "seeds", "code": "2"}
-    rows = [right | {"without": "nothing"}, wrong | {"without": "seeds"}]
-    rows += [wrong | {"id": "b", "without": "nothing"}, wrong | other]
-    whole, less = tables.without_parts(rows)[-2:]
-    assert whole.startswith("| nothing | 1 | 100 % (1/1") and whole.split("|")[4].startswith(" 100 %")
-    assert less.startswith("| seeds | 1 | 0 % (0/1") and less.split("|")[4].startswith(" 0 %")
-
-
-def test_ablations_are_asked_where_they_can_matter():
-    ablations = importlib.import_module("ablations")
-    truths = {name: truth for half in ("dev", "proof") for name, truth in cases.cases(half).items()}
-    many, single, none = (ablations.asked(part, truths) for part in ("rescreening", "seeds", "bootstrap"))
-    assert len(many) == 10 and all(len(truths[name]["concealed"]) > 1 for name in many)
-    assert len(single) == 14 and {truths[name]["half"] for name in single} == {"dev"}
-    assert len(none) == 12 and not any(truths[name]["concealed"] for name in none)
-
-
 @pytest.mark.parametrize(
     ("effect", "where", "when", "expected"),
     [

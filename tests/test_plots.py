@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from jbridge.diagnosis.result import Interval, Location, Region
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 from jbridge.report.figures.force import running_median
 from jbridge.report.figures.friction_map import draw_friction_map
 from jbridge.report.figures.gallery import OWN_NAME, choose, diagnosis_gallery, fit_gallery, misfit
@@ -63,17 +63,6 @@ def test_an_interval_without_an_end_does_not_flatten_a_map(figures):
     knots = Estimate([0.2, 0.7, 1.2], None, None, None, "m")
     draw_friction_map("m", "position_dependent_friction", "cart", {"knots": knots, "levels": levels})
     assert figures[0].axes[0].get_ylim() == (0.0, 8.0)
-
-
-def test_a_recording_that_was_set_aside_is_drawn(figures):
-    train_1, train_2, holdout = cases.traces()
-    odd = dataclasses.replace(train_1, before=train_1.after, recording="odd.csv", role="aside")
-    gallery = diagnosis_gallery(dataclasses.replace(cases.missing_physics(), traces=(train_2, odd, holdout)))
-    drawn = {picture.name: picture for picture in gallery.all()}
-    assert {"signals-aside-odd", "residuals-aside-odd"} <= set(drawn)
-    said = {text.get_text() for figure in figures for part in figure.subfigs for text in part.texts}
-    assert "recording that was set aside: not used for fitting" in said
-    assert all(OWN_NAME.fullmatch(f"{name}.png") for name in drawn)
 
 
 def test_worst_training_recording_is_chosen():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jbridge import InputError, describe_diagnosis, describe_fit, load_model, save_fit, save_report
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 from jbridge.model.files import Model
 from jbridge.report import save as saving
 from jbridge.report.as_json import fit_json, report_json
@@ -26,7 +26,7 @@ VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
     "schema", "verdict", "statement", "adequacy", "location", "effects", "model_effects", "fit", "next_experiment",
     "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued", "missing_force",
-    "holdout", "aside",
+    "holdout", "complete", "explained", "stopped",
 }  # fmt: skip
 HOSTILE = '<script>alert("&")</script>.csv'
 
@@ -52,13 +52,15 @@ def test_report_has_every_key(case):
     assert report.keys() >= KEYS
     assert report["schema"] == 1
     assert report["verdict"] == case
-    assert report["adequacy"].keys() == {"alarm", "p_value", "learnable", "channels"}
-    assert report["adequacy"]["learnable"].keys() == {"before", "after"}
+    assert report["adequacy"].keys() == {"alarm", "repeatable", "channels"}
+    assert report["adequacy"]["repeatable"].keys() == {"before", "after"}
     for channel in report["adequacy"]["channels"].values():
         assert channel.keys() == {"rmse", "noise", "ratio"}
     assert report["location"].keys() == {"site", "equation", "sites", "where", "when"}
     for effect in report["effects"] + report["model_effects"]:
-        assert effect.keys() == {"kind", "site", "probability", "parameters", "equivalents", "statement"}
+        assert effect.keys() == {
+            "kind", "site", "probability", "status", "explained", "parameters", "equivalents", "statement",
+        }  # fmt: skip
         for estimate in effect["parameters"].values():
             assert estimate.keys() == {"value", "std", "low", "high", "unit"}
         for rival in effect["equivalents"]:
@@ -71,6 +73,10 @@ def test_report_has_every_key(case):
     assert fit["train"].keys() == fit["holdout"].keys() == fit["window"]["holdout"].keys() == {"before", "after"}
     assert fit["window"]["seconds"] == 2.0
     assert fit["noise"] == cases.NOISE
+    assert [row["seconds"] for row in fit["horizons"]] == [0.1, 0.3, 1.0, 2.0, 3.0]
+    for row in fit["horizons"]:
+        assert row["holdout"].keys() == row["typical"].keys() == {"before", "after"}
+        assert row["scatter"].keys() == cases.NOISE.keys()
 
 
 def test_report_tells_what_the_missing_force_is_like():
@@ -101,18 +107,16 @@ def test_report_keeps_numbers_in_si():
 
 def test_unknown_numbers_are_null():
     report = parsed(report_json(cases.adequate()))
-    assert report["aside"] is None
-    odd = dataclasses.replace(cases.missing_physics(), aside="odd.csv")
-    assert parsed(report_json(odd))["aside"] == "odd.csv"
+    assert report["explained"] == {"all": None}
     assert report["location"]["site"] is None
-    assert report["adequacy"]["learnable"] == {"before": None, "after": None}
+    assert report["adequacy"]["repeatable"] == {"before": None, "after": None}
     assert report["adequacy"]["channels"]["psi"]["ratio"] is None  # its noise is zero
     assert report["bridge"]["hoist_gain"]["std"] is None
     assert report["next_experiment"] is None
     unknown = parsed(report_json(cases.unknown()))
     assert unknown["fit"]["holdout"]["after"]["psi"] is None
     assert unknown["fit"]["window"]["holdout"]["after"]["x"] is None
-    assert unknown["trials"][2]["cost_over_noise"] is None
+    assert unknown["trials"][2]["gain"] is None
 
 
 def test_a_vector_keeps_its_length_around_an_unknown_entry():
@@ -329,7 +333,7 @@ def test_terminal_tells_the_same_as_the_page(tmp_path):
     for part in (
         "PHYSICS IS MISSING",
         "cart drive (cart equation), 93 % of the evidence",
-        "dead zone, cart drive, probability 97 %",
+        "dead zone, cart drive, confirmed, probability 97 %",
         "0.301 V   (95 %: 0.280 to 0.322)",
         "cannot be told from: Stribeck friction, cart, probability 2 %",
         "25.7 mm (514 × noise)",

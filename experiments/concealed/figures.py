@@ -153,9 +153,7 @@ def draw(folder: Path) -> None:
         return
     beside = folder / "data" / "concealed-rivals.json"
     rivals = json.loads(beside.read_text()) if beside.exists() else None
-    less = folder / "data" / "concealed-ablations.json"
-    ablations = json.loads(less.read_text())["rows"] if less.exists() else None
     (folder / "concealed-brief.md").write_text(brief(halves))
-    (folder / "concealed-table.md").write_text(table(halves, rivals, ablations))
+    (folder / "concealed-table.md").write_text(table(halves, rivals))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

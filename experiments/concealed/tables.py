@@ -151,14 +151,12 @@ def brief(halves: dict[str, dict]) -> str:
 def table(
     halves: dict[str, dict],
     rivals: dict[str, dict[str, list[dict]]] | None = None,
-    ablations: list[dict] | None = None,
 ) -> str:
     """The whole page in markdown.
 
     Args:
         halves: by half, what the proof saved.
         rivals: by half and rival, rows of the same cases.
-        ablations: rows of diagnoses without a part of the method.
     """
     names = list(halves)
     columns = [summary(halves[n]["rows"]) for n in names]
@@ -189,8 +187,6 @@ def table(
     both = {n: rivals[n] for n in names if n in rivals} if rivals else {}
     if both:
         lines += beside(halves, both)
-    if ablations:
-        lines += without_parts(ablations)
     return "\n".join(lines) + "\n"
 
 
@@ -259,32 +255,6 @@ def beside(halves: dict[str, dict], rivals: dict[str, dict[str, list[dict]]]) ->
         lines += ["|" + "---|" * (1 + len(columns))]
         for i, (measure, _) in enumerate(measured[0]):
             lines.append(f"| {measure} | " + " | ".join(column[i][1] for column in measured) + " |")
-    return lines
-
-
-def without_parts(rows: list[dict]) -> list[str]:
-    """The section on what each part of the method is worth, over cases that were diagnosed both ways."""
-    lines = [
-        "",
-        "## Without a part of the method",
-        "",
-        "The same cases by the same code, with everything and without one part (`ablations.py`). `rescreening`: after",
-        "an acceptance the first screen's ranking stands, where two or three effects are missing. `seeds`: every",
-        "effect starts from one place, where one is missing. `bootstrap`: Ljung's and Box's limit in place of drawn",
-        "signs, where nothing is missing.",
-        "",
-        "| without | cases | verdict right | significant at 1 % | right equation | exact set |",
-        "|---|---|---|---|---|---|",
-    ]
-    whole = {r["id"]: r for r in rows if r["without"] == "nothing"}
-    for part in sorted({r["without"] for r in rows} - {"nothing"}):
-        less = [r for r in rows if r["without"] == part and r["code"] == whole.get(r["id"], {}).get("code")]
-        for name, here in (("nothing", [whole[r["id"]] for r in less]), (part, less)):
-            told = [r | {"significant": r["p_value"] is not None and r["p_value"] <= 0.01} for r in here]
-            concealed = [r for r in told if r["true"]]
-            shares = [share(told, "verdict_right"), share(told, "significant")]
-            shares += [share(concealed, "equation_right"), share(groups(told)["catalogued"], "set_right")]
-            lines.append(f"| {name} | {len(here)} | " + " | ".join(shares) + " |")
     return lines
 
 

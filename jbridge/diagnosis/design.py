@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..identification.problem import Setting
+from ..identification.estimation import Problem
 from .names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of
 from .result import NextExperiment
 from .separate import Contender, Separation, as_recording, guess, separations, start_length
 
-_MOST_PLAYS = 36
+_MOST_PLAYS = 24
 _BEST = 2
 """Inputs of the library whose variants are tried, too."""
 _ENOUGH = 1e-6
@@ -27,24 +27,25 @@ _HARDLY = 0.7
 
 
 def next_experiment(
-    contenders: Sequence[Contender], setting: Setting, progress: Callable[[str], None]
+    contenders: Sequence[Contender], problem: Problem, progress: Callable[[str], None]
 ) -> NextExperiment | None:
     """The input that separates contenders best; None where no input is driven or none keeps within the limits.
 
     Args:
         contenders: at least two.
-        setting: the recordings, which tell what is safe.
+        problem: the recordings, which tell what is safe.
         progress: told what goes on.
     """
-    reach = reach_of(setting, [c.fitted.plant for c in contenders])
+    setting = problem.setting
+    reach = reach_of(setting, [c.plant for c in contenders])
     plays = library(reach, {c.axis for c in contenders})
     progress(f"designing an experiment that tells {len(contenders)} explanations apart")
-    found = separations(_thinned(plays), contenders, setting, reach)
+    found = separations(_thinned(plays), contenders, problem, reach)
     if not found:
         return None
     if found[0].log_wrong > np.log(_ENOUGH):
         more = [v for best in found[:_BEST] for v in variants(best.play, reach)]
-        found += separations(more, contenders, setting, reach)
+        found += separations(more, contenders, problem, reach)
     chosen = _gentlest(found)
     today = guess([c.probability for c in contenders])
     wrong = float(np.clip(np.exp(chosen.log_wrong), _LEAST, today))

@@ -1,46 +1,41 @@
 """`diagnose`: what a model lacks, from recordings, and the proof on recordings that took no part."""
 
 import dataclasses
+import math
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
 
 from .._threads import one_thread_each
-from ..errors import InputError
-from ..identification.problem import Setting, make_setting, with_a_scale
-from ..identify.base import WINDOW
-from ..identify.evaluate import evaluate, traces
-from ..identify.uncertainty import as_uncertainty
+from ..identification.data.windows import WHOLE, make_data
+from ..identification.estimation import Problem, fit_structure, make_problem
+from ..identification.evaluation import WINDOW, Evaluation, make_judge
+from ..identification.problem import make_setting, resolve, with_a_scale
+from ..identification.result import Errors, Estimate
+from ..identification.solver import Start
+from ..identification.traces import traces
+from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
+from ..model.parameters import ParameterTable
 from ..recordings import Recording
-from .adequacy import (
-    FORESEEN,
-    LARGE,
-    LEARNABLE,
-    NOTICEABLE,
-    PROVEN,
-    SIGNIFICANT,
-    STILL_LEARNABLE,
-    channels,
-    is_large,
-    worst_ratio,
-)
-from .aside import event, stands_out
-from .attempt import Attempt, attempt
-from .contend import contenders, continued, nearest
+from .candidates import WRONG_VALUE
+from .continuation import continued
+from .criteria import CRITERIA
 from .design import next_experiment
+from .detection_limits import not_seen
 from .holdout import split_off
-from .judge import Judgement, Settled, judge, settle
-from .limits import not_seen
-from .locate import equation_of
-from .missing import missing_forces
-from .once import happened_once, timed
-from .result import Adequacy, Diagnosis, Former, NamedEffect
-from .rounds import MOST_EFFECTS
-from .search import PARTS
-from .tell import location_of, named_of, parameters_of, trials_of
-from .trials import EFFECTIVE
-from .words import aside_sentence, verdict_sentence
+from .localization import location, repeatable
+from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
+from .selection import Search, Structure, base_structure, select
+from .separate import Contender
+from .space import make_space
+from .validation import Checked, Fixed, Validation, of_its_own, unopened, validate
+from .words import amount, effect_sentence, verdict_sentence
+
+BUDGET = 300.0
+"""Time that a diagnosis takes at most [s], a quarter of it for the validation."""
 
 
 @one_thread_each
@@ -51,7 +46,7 @@ def diagnose(
     *,
     new: Sequence[Recording] = (),
     former: Former | None = None,
-    leave_out: Collection[str] = (),
+    budget: float = BUDGET,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Finds out whether a model lacks physics, where, and which.
@@ -59,243 +54,266 @@ def diagnose(
     Args:
         model: structure, start values and what is known.
         recordings: measured runs from which everything is chosen.
-        holdout: runs from which no number is learned; they say whether names that explain a small error are kept, and
-            whether any, or further ones, are looked for where the recordings hardly show one. If several show what
-            the recordings do not, the worst is learned from after all, in a second diagnosis. Without any, the last
-            quarter of the recordings (of the time, if there is one recording) plays their part, and none of it is
-            learned from. The report says so.
+        holdout: runs from which no number is learned, and which are opened once, when the structure is fixed: the
+            proof. Without any, the last quarter of the recordings (of the time, if there is one recording) plays their
+            part, and the report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
-        former: that diagnosis. What it named or could not rule out is refitted whatever is expected of it.
-        leave_out: of "rescreening", "seeds" and "bootstrap", what is done without, to measure what it is worth:
-            screening anew after each acceptance, more than one seed of an effect, and a significance from drawn signs.
+        former: that diagnosis.
+        budget: time for all of it [s]. A search that it cuts short reports what was found by then.
         progress: told what goes on, a short text at a time.
 
     Returns:
-        Verdict, place, named effects with intervals, and the errors before and after on the hold-out.
+        Verdict, place, named effects with intervals, and the errors before and after on the hold-out. After an
+        interrupt (Ctrl-C) the model that was found by then, without a verdict: the hold-out stays closed.
 
     Raises:
         InputError: model and recordings do not go together.
-        ValueError: `leave_out` names something else.
     """
-    if unheard := set(leave_out) - set(PARTS):
-        raise ValueError(f"a diagnosis can do without {', '.join(PARTS)}, and not without {', '.join(sorted(unheard))}")
-    begun = time.perf_counter()
+    begun, deadline = time.perf_counter(), time.monotonic() + 0.75 * budget
+    tell = progress or (lambda text: None)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
-    given = bool(holdout)
-    if not given:
+    if not holdout:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
-    found: Diagnosis | _Plan = _Plan(
-        model, (*recordings, *new), tuple(holdout), tuple(new), former, frozenset(leave_out), tuple(notes), given
-    )
-    while isinstance(found, _Plan):
-        found = _diagnose(found, progress)
-    return dataclasses.replace(found, seconds=time.perf_counter() - begun)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Plan:
-    """What is to be diagnosed."""
-
-    model: Model
-    recordings: tuple[Recording, ...]
-    holdout: tuple[Recording, ...]
-    new: tuple[Recording, ...]
-    """Those of the recordings that an earlier diagnosis did not know, one that was set aside included."""
-    former: Former | None
-    leave_out: frozenset[str]
-    notes: tuple[str, ...]
-    spare: bool
-    """Whether a recording of the hold-out may be learned from, if others show the same."""
-    surprised: str | None = None
-    """The channel for which one was."""
-    aside: Recording | None = None
-    """A recording that is left out, since it is met far worse than all others."""
-
-    def setting_aside(self, index: int) -> "_Plan":
-        """The same without one of the recordings."""
-        odd = self.recordings[index]
-        rest = tuple(recording for recording in self.recordings if recording is not odd)
-        notes = tuple(note for note in self.notes if note != _taken(odd))
-        surprised = None if _taken(odd) in self.notes else self.surprised
-        return dataclasses.replace(self, recordings=rest, notes=notes, surprised=surprised, aside=odd, spare=False)
-
-    def taking_in(self, index: int, channel: str) -> "_Plan":
-        """The same with a recording of the hold-out to learn from."""
-        taken = self.holdout[index]
-        return dataclasses.replace(
-            self,
-            recordings=(*self.recordings, taken),
-            holdout=self.holdout[:index] + self.holdout[index + 1 :],
-            notes=(*self.notes, _taken(taken)),
-            spare=False,
-            surprised=channel,
-        )
-
-
-def _taken(recording: Recording) -> str:
-    return f"{recording.name} was learned from, too: it shows what the other recordings hardly do."
-
-
-def _diagnose(plan: _Plan, progress: Callable[[str], None] | None) -> "Diagnosis | _Plan":
-    """The diagnosis, or a plan for another one that learns from a hold-out which the recordings did not prepare for."""
-    tell = progress or (lambda text: None)
-    model, holdout, former = plan.model, plan.holdout, plan.former
-    setting = make_setting(model, plan.recordings, holdout)
+    setting = make_setting(model, (*recordings, *new), holdout)
     model, told = with_a_scale(model, setting.axes)
-    if told is not None:
-        plan = dataclasses.replace(plan, model=model, notes=(*plan.notes, told))
-    made = attempt(
-        model,
-        setting,
-        insist=former.names if former else frozenset(),
-        leave_out=plan.leave_out,
-        progress=progress,
-    )
-    settled = settle(made, setting, tell)
-    if settled.unprepared is not None and plan.spare and len(settled.unprepared.recordings) > 1:
-        tell("learning from a recording of the hold-out, too")
-        return plan.taking_in(settled.unprepared.recordings[0], settled.unprepared.channel)
-    judged = judge(made, settled, setting, plan.surprised)
-    # Of rigs that drift, whole recordings are met by luck.
-    if judged.verdict != "adequate" and plan.aside is None and made.search.window is None and is_large(judged.left):
-        now = stands_out(settled.last.train.batch, settled.last.train.predicted)
-        odd = made.explained.odd if now is None else now
-        if odd is not None:
-            tell("asking all recordings but one, which is met far worse")
-            others = _without_what_happened_once(plan.setting_aside(odd), plan.recordings[odd], setting, progress)
-            if others is not None and _rather(others, judged, settled):
-                return others
-    return _told(plan, made, settled, judged, setting, tell)
-
-
-def _without_what_happened_once(
-    plan: _Plan, odd: Recording, setting: Setting, progress: Callable[[str], None] | None
-) -> Diagnosis | None:
-    """What the other recordings say, if the hold-out bears it out and so does the odd one, until something happens."""
-    try:
-        found = _diagnose(plan, progress)
-    except InputError:  # a motor that runs in the odd one alone, say
-        return None
-    assert isinstance(found, Diagnosis), "a plan with nothing to spare is carried out"
-    if found.verdict != "missing_physics":
-        return None
-    happened = event(found.model.plant, setting, odd, plan.recordings)
-    if happened is None:
-        return None
-    told = aside_sentence(odd.name, happened.when.start, happened.channel, happened.ratio, happened.beyond)
-    before, after = (
-        (model.plant, evaluate(model.plant, setting, [odd], windows=False)) for model in (found.before, found.model)
-    )
-    # Where the odd one may have met another law, what was named may be a part of what is missing.
-    open_ = happened.beyond is not None
-    return dataclasses.replace(
-        found,
-        verdict="unknown" if open_ else found.verdict,
-        statement=f"{'More may be missing than has a name. ' if open_ else ''}{found.statement} {told}",
-        location=dataclasses.replace(found.location, when=(*found.location.when, happened.when)),
-        traces=(*found.traces, *traces(before, after, [odd], "aside")),
-        aside=odd.name,
-    )
-
-
-def _rather(others: Diagnosis, judged: Judgement, settled: Settled) -> bool:
-    """Whether a diagnosis without one of the recordings gives way for that with it."""
-    if judged.verdict == "missing_physics" and others.verdict != judged.verdict:
-        return False
-    alone, together = others.holdout_after, settled.last.holdout.errors
-    return worst_ratio(alone.free_run, others.noise) <= worst_ratio(together.free_run, others.noise)
+    notes += [] if told is None else [told]
+    setting = setting.thinned()
+    tell("fitting the model as given")
+    problem = make_problem(setting, make_data(setting.recordings))
+    problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
+    space = make_space(problem, fitted.plant, model.known)
+    vector = space.absent.copy()
+    [point] = problem.evaluate(space.engine, [Start(vector, space.base, fitted.point.states)])
+    search = select(problem, base_structure(problem, space, point), tell, deadline)
+    base, found = search.held[0], search.held[-1]
+    if search.stopped == "interrupted":
+        checked = unopened(search.problem, base, found)
+    else:
+        checked = validate(search.problem, base, found, setting.holdout, tell)
+    return _told(model, search, checked, former, new, notes, begun, tell)
 
 
 def _told(
-    plan: _Plan, made: Attempt, settled: Settled, judged: Judgement, setting: Setting, tell: Callable[[str], None]
+    model: Model,
+    search: Search,
+    checked: Validation,
+    former: Former | None,
+    new: Sequence[Recording],
+    notes: Sequence[str],
+    begun: float,
+    tell: Callable[[str], None],
 ) -> Diagnosis:
     """All that the report tells."""
-    model, former = plan.model, plan.former
-    first, last, state, values = settled.first, settled.last, settled.state, settled.values
-    search, explained, steps, alarm = made.search, made.explained, made.explained.steps, made.alarm
-    shown = traces((first.plant, first.train), (last.plant, last.train), setting.recordings, "train")
-    shown += traces((first.plant, first.holdout), (last.plant, last.holdout), setting.holdout, "holdout")
-    effects = named_of(steps, setting, values) if alarm else ()
-    rivals = contenders(search, state, steps, effects)
-    if judged.verdict == "unknown" and not rivals:
-        rivals = nearest(state, explained.refused)
-    experiment = next_experiment(rivals, setting, tell) if rivals else None
-    train = [trace for trace in shown if trace.role == "train"]
-    # Of small errors a force with no law assumed would be noise.
-    latent = missing_forces(made.base, search.window is not None, train, tell) if alarm and made.large else None
-    at = state.plant.effects[-1].site if settled.curved else None
-    location = location_of(alarm, effects, steps, explained.screened, shown, at, latent)
-    beyond = judged.odd_one or judged.elsewhere
-    if not alarm and beyond is not None:
-        location = dataclasses.replace(location, site=None, equation=equation_of(beyond.channel))
-    once = None
-    if judged.verdict == "adequate" and made.large and made.p_value <= SIGNIFICANT:
-        once = happened_once(first.train, [r.name for r in setting.recordings])
-    if once is not None:
-        once = timed(once, missing_forces(made.base, search.window is not None, train, tell), train)
-        location = dataclasses.replace(location, equation=equation_of(once.axis), when=once.when)
-    given = Counter((e.kind, e.site) for e in search.given.effects)
-    kept = given & Counter((e.kind, e.site) for e in last.plant.effects)
+    problem, base, found = search.problem, search.held[0], search.held[-1]
+    setting, final, opened = problem.setting, checked.final, search.stopped != "interrupted"
+    verdict, complete = checked.verdict if opened else (None, False)
+    tell("drawing up the report")
+    values, doubts = _estimated(problem, final)
+    effects = tuple(_named(search, c, values) for c in checked.checked)
+    shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
+    training = shown
+    if opened:
+        shown += traces((base.plant, checked.before), (final.plant, checked.after), "holdout")
+    alarm = verdict != "adequate"
+    place = location(search, effects, training) if alarm else Location(None, "none", {}, (), ())
+    axis = {"cart": "x", "swing": "psi", "hoist": "l"}.get(place.equation)
+    given = Counter((e.kind, e.site) for e in model.plant.effects)
     own = tuple(
         NamedEffect(kind, site, None, parameters_of(kind, site, values, number), (), "")
-        for (kind, site), count in kept.items()
+        for (kind, site), count in given.items()
         for number in range(1, count + 1)
     )
-    before = channels(first.train.batch, first.train.predicted, setting.noise) if alarm else made.channels
+    worst = checked.worst((checked.after, checked.train_after))
+    unit = {"x": "m", "psi": "rad", "l": "m"}.get(worst[1], "")
+    sizes = [run.errors(worst[2]).get(worst[1], 0.0) for run in (checked.after, checked.train_after)]
     statement = verdict_sentence(
-        judged.verdict,
+        verdict,
         effects,
-        location,
-        before,
-        judged.left,
-        judged.proof,
-        large=made.large,
-        asked=made.p_value <= SIGNIFICANT,
-        curve=settled.curved,
-        unproven=judged.unproven and not judged.still,
-        abroad=judged.abroad,
-        elsewhere=judged.elsewhere,
-        odd_one=judged.odd_one,
-        once=once,
+        checked.share,
+        worst,
+        amount(max(sizes), unit),
+        complete=complete,
+        stopped=search.stopped,
     )
+    rivals = _contenders(search, effects) if opened else []
+    known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
+    empty = Errors({}, {})
     return Diagnosis(
-        judged.verdict,
+        verdict,
+        complete,
+        {**({} if checked.share is None else {"all": checked.share}), **checked.explained},
+        search.stopped,
         statement,
-        Adequacy(alarm, made.p_value, made.learnable, made.learnable_after, made.channels),
-        location,
+        Adequacy(
+            alarm,
+            repeatable(training, axis, after=False),
+            repeatable(training, axis, after=True),
+            {a: Channel(e, setting.noise[a]) for a, e in checked.train_before.errors(WHOLE).items()},
+        ),
+        place,
         effects,
         own,
         {name: e for name, e in values.items() if "@" not in name},
-        dataclasses.replace(model, plant=first.plant),
-        dataclasses.replace(model, plant=last.plant, known=state.known, uncertainty=as_uncertainty(values)),
-        first.train.errors,
-        last.train.errors,
-        first.holdout.errors,
-        last.holdout.errors,
+        dataclasses.replace(model, plant=base.plant),
+        dataclasses.replace(model, plant=final.plant, known=known, uncertainty=as_uncertainty(values)),
+        checked.train_before.as_errors(),
+        checked.train_after.as_errors(),
+        checked.before.as_errors() if opened else empty,
+        checked.after.as_errors() if opened else empty,
         setting.noise,
         WINDOW,
+        _horizons(checked) if opened else (),
         tuple(r.name for r in setting.holdout),
         shown,
-        trials_of(steps, explained.refused),
-        not_seen(search, state, {(rival.kind, rival.site) for effect in effects for rival in effect.equivalents}),
-        experiment,
-        None if former is None else continued(former, effects, [r.name for r in plan.new]),
-        settled.hardly_told,
-        tuple(dict.fromkeys(plan.notes)),
-        {
-            "large": LARGE,
-            "noticeable": NOTICEABLE,
-            "significant": SIGNIFICANT,
-            "learnable": LEARNABLE,
-            "foreseen": FORESEEN,
-            "still_learnable": STILL_LEARNABLE,
-            "proven": PROVEN,
-            "compared_on": "free runs" if made.window is None else f"windows of {made.window:g} s",
-            "most_effects": MOST_EFFECTS,
-            "effective_samples": EFFECTIVE,
-            "seed": 0,
-            "left_out": sorted(plan.leave_out),
-        },
-        0.0,  # told by whoever asked
+        _trials(search),
+        not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
+        next_experiment(rivals, problem, tell) if len(rivals) > 1 else None,
+        None if former is None else continued(former, effects, [r.name for r in new]),
+        tuple(doubts),
+        tuple(dict.fromkeys(notes)),
+        dataclasses.asdict(CRITERIA) | {"seed": 0},
+        time.perf_counter() - begun,
     )
+
+
+def _horizons(checked: Validation) -> tuple[Horizon, ...]:
+    before, after = checked.before, checked.after
+    return tuple(
+        Horizon(h, before.errors(h), after.errors(h), before.typical(h), after.typical(h), checked.scatter.get(h))
+        for h in before.horizons
+        if not math.isinf(h)
+    )
+
+
+def _estimated(problem: Problem, final: Fixed) -> tuple[dict[str, Estimate], list[str]]:
+    """Every number of the final model with its interval, and what the recordings do not determine."""
+    cov = covariance(problem, final.engine, final.point)
+    table = ParameterTable(final.plant, problem.setting.units)
+    vector, free = final.point.vector, final.point.free
+    return estimates(table, vector, free, cov, problem.setting.period), warnings(table, vector, free, cov)
+
+
+def parameters_of(
+    kind: str, site: str, values: Mapping[str, Estimate], number: int | None = None
+) -> dict[str, Estimate]:
+    """Estimates of an effect by key.
+
+    Args:
+        kind, site: of the effect.
+        values: of all parameters.
+        number: which of several of its kind and site, from 1; the latest by default.
+    """
+    if kind == WRONG_VALUE:
+        return {"value": values[site]}
+    owners = {name.rpartition(".")[0] for name in values if "." in name}
+    mine = sorted((o for o in owners if o.split("#")[0] == f"{kind}@{site}"), key=lambda o: (len(o), o))
+    if not mine:
+        return {}
+    owner = mine[-1 if number is None else number - 1]
+    return {name.removeprefix(f"{owner}."): e for name, e in values.items() if name.startswith(f"{owner}.")}
+
+
+# ------------------------------------------------------------------ explanations that cannot be told apart
+
+
+def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
+    """The model that an effect was added to, and all that were tried in its place, the effect's own first."""
+    for before, tried in zip(search.held, search.tried, strict=False):
+        adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1]
+        own = [s for s in adding if name in s.names and name not in before.names]
+        if own and any(name in s.names for s in search.held[search.held.index(before) + 1 :][:1]):
+            return before, [own[0], *(s for s in adding if s is not own[0])]
+    return None
+
+
+def _chances(members: Sequence[Structure]) -> np.ndarray:
+    """Share of resamples of the blocks in which each is the best."""
+    blocks = np.stack([s.blocks for s in members])
+    prices = np.array([s.price for s in members])
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(0, blocks.shape[1], (CRITERIA.bootstrap, blocks.shape[1]))
+    values = blocks[:, drawn].sum(axis=2) + prices[:, None]
+    return np.bincount(np.argmin(values, axis=0), minlength=len(members)) / CRITERIA.bootstrap
+
+
+def _named(search: Search, checked: Checked, values: Mapping[str, Estimate]) -> NamedEffect:
+    """An effect with what cannot be told from it."""
+    kind, site = checked.name
+    parameters = parameters_of(kind, site, values)
+    found = _round_of(search, checked.name)
+    rivals: list[Rival] = []
+    own = 1.0
+    if found is not None:
+        before, members = found
+        chances = _chances(members)
+        own = float(chances[0])
+        order = sorted(range(1, len(members)), key=lambda i: -chances[i])
+        near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
+        rivals = [_rival(search, before, members[i], float(chances[i])) for i in near]
+    statement = effect_sentence(kind, site, parameters, rivals)
+    return NamedEffect(kind, site, own, parameters, tuple(rivals), statement, checked.status, checked.explained)
+
+
+def _rival(search: Search, before: Structure, own: Structure, probability: float) -> Rival:
+    [name] = set(own.names) - set(before.names)
+    values, _ = _estimated(search.problem, of_its_own(search.problem, own))
+    judge = make_judge(
+        search.problem.setting,
+        search.problem.setting.holdout,
+        search.problem.setting.noise,
+        (WHOLE,),
+        search.problem.data.samples,
+    )
+    run: Evaluation = judge.evaluate(own.plant)
+    return Rival(*name, probability, parameters_of(*name, values), run.errors(WHOLE))
+
+
+def _contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:
+    """The named effect that is least certain, and its rivals; empty where each name stands alone."""
+    unsure = [e for e in effects if e.equivalents]
+    if not unsure:
+        return []
+    effect = max(unsure, key=lambda e: sum(r.probability for r in e.equivalents))
+    found = _round_of(search, (effect.kind, effect.site))
+    if found is None:
+        return []
+    before, members = found
+    chances = {(effect.kind, effect.site): effect.probability or 0.0}
+    chances |= {(r.kind, r.site): r.probability for r in effect.equivalents}
+    out = []
+    for structure in members:
+        [name] = set(structure.names) - set(before.names)
+        if name not in chances:
+            continue
+        problem, point = search.problem, structure.point
+        [normal] = problem.normal(structure.space.engine, [point])
+        n = len(point.free)
+        gram = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
+        names = tuple(structure.space.table.entry(int(p)).name for p in point.free)
+        out.append(Contender(*name, max(chances[name], 1e-3), structure.plant, names, gram))
+    return out
+
+
+def _trials(search: Search) -> tuple[Mapping[str, object], ...]:
+    """Every model that was fitted to all windows in each round."""
+    rows = []
+    for number, (before, tried) in enumerate(zip(search.held, search.tried, strict=False), 1):
+        after = search.held[number].names if number < len(search.held) else None
+        for structure in tried:
+            added = sorted(set(structure.names) - set(before.names))
+            removed = sorted(set(before.names) - set(structure.names))
+            taken = after is not None and set(structure.names) == set(after)
+            for name, change in [*((n, "added") for n in added), *((n, "left out") for n in removed)]:
+                rows.append(
+                    {
+                        "round": number,
+                        "kind": name[0],
+                        "site": name[1],
+                        "change": change,
+                        "gain": before.point.value - structure.point.value,
+                        "price": structure.price - before.price,
+                        "accepted": taken,
+                    }
+                )
+    return tuple(rows)

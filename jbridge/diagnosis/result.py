@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.result import Errors, Estimate, Trace
+from ..identification.result import Errors, Estimate, Trace
 from ..model.files import Model
 
 
@@ -27,11 +27,11 @@ class Adequacy:
     """Whether the model as given, refitted, explains the recordings."""
 
     alarm: bool
-    p_value: float
-    """Chance of so much structure in the residuals if the model were right."""
-    learnable_before: float
-    """Share of the residual that a flexible force learned on other recordings predicts, 0 to 1."""
-    learnable_after: float
+    repeatable_before: float | None
+    """Share of the force that the model as given leaves unexplained which a flexible force learned on other recordings
+    predicts, 0 to 1; None where none is left,"""
+    repeatable_after: float | None
+    """and of what the final model leaves."""
     channels: Mapping[str, Channel]
 
 
@@ -124,9 +124,30 @@ class NamedEffect:
     kind: str
     site: str
     probability: float | None
+    """Share of resamples of the recordings' blocks in which it is the best of itself and its equivalents."""
     parameters: Mapping[str, Estimate]
     equivalents: tuple[Rival, ...]
     statement: str
+    status: str = "confirmed"
+    """`confirmed` by the hold-out, `suggested`, or `event` for what happened once, in the recordings alone."""
+    explained: float | None = None
+    """Share of the hold-out's excess squared error in windows of 1 s that comes back without it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Horizon:
+    """Errors in windows of one length, by channel [m, rad, m]."""
+
+    seconds: float
+    before: Mapping[str, float]
+    """Root mean square error on the hold-out of the model as given, refitted,"""
+    after: Mapping[str, float]
+    """and of the final model."""
+    typical_before: Mapping[str, float]
+    """Geometric mean over windows in motion."""
+    typical_after: Mapping[str, float]
+    scatter: Mapping[str, float] | None
+    """How far runs of one input differ; None where no input was recorded twice."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,8 +213,15 @@ class Continued:
 class Diagnosis:
     """Everything that `report.json` and `report.html` tell."""
 
-    verdict: str
-    """`adequate`, `missing_physics` or `unknown`."""
+    verdict: str | None
+    """`adequate`, `missing_physics` or `unknown`; None where the search was interrupted, and the hold-out is unseen."""
+    complete: bool
+    """Whether what remains is noise, or scatter that was measured."""
+    explained: Mapping[str, float]
+    """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel with an
+    error beyond its noise; `all` is the mean."""
+    stopped: str
+    """Why the search ended: `criterion`, `budget` or `interrupted`."""
     statement: str
     adequacy: Adequacy
     location: Location
@@ -213,12 +241,12 @@ class Diagnosis:
     noise: Mapping[str, float]
     window: float
     """Length of the windows of the window errors [s]."""
+    horizons: tuple[Horizon, ...]
     holdout: tuple[str, ...]
     """Recordings that no number was learned from."""
     traces: tuple[Trace, ...]
     trials: tuple[Mapping[str, object], ...]
-    """Explanations that were refitted in the rounds that led to the names and in the last one: kind, site, error over
-    noise, accepted or why not."""
+    """Models that were refitted in each round: what was changed, the gain of the criterion and its price."""
     not_seen: tuple[NotSeen, ...]
     """What else of the catalogue may hide in these recordings, the notable first."""
     next_experiment: NextExperiment | None
@@ -228,5 +256,3 @@ class Diagnosis:
     notes: tuple[str, ...]
     settings: Mapping[str, object]
     seconds: float
-    aside: str | None = None
-    """A recording that was set aside, since something happened in it once; `location.when` has the time."""

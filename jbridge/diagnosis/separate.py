@@ -6,10 +6,10 @@ the new recording and `M` its normal matrix on the old ones, the least of `|d - 
 `p` (the sequential design of Hunter and Reiner, Technometrics 7, 1965; T-optimality in the words of Atkinson and
 Fedorov, Biometrika 62, 1975).
 
-A diagnosis that goes on with the new recording weighs rivals by `EFFECTIVE log(cost)` (`trials`), so that distance `D`
-moves their scores apart by `s = EFFECTIVE log(1 + D / cost)`. A difference of log-likelihoods with mean `s / 2` has
-variance `s`: where today's odds of the truth are `o`, a rival is preferred with probability
-`Phi(-(s / 2 + log o) / sqrt(s))`.
+A diagnosis that goes on with the new recording compares the logarithms of errors (`identification.likelihood`), so
+that distance `D` moves the rivals' criteria apart by half of `s = n log(1 + D / N)`, with `N` samples of which `n` are
+independent. A difference of log-likelihoods with mean `s / 2` has variance `s`: where today's odds of the truth are
+`o`, a rival is preferred with probability `Phi(-(s / 2 + log o) / sqrt(s))`.
 """
 
 import dataclasses
@@ -20,18 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
+from ..identification.data.windows import WHOLE, Data, make_data
+from ..identification.estimation import Problem, engine_for
 from ..identification.problem import Setting
-from ..identify.base import columns_for
-from ..identify.lanes import Batch
-from ..identify.setting import lanes_for
-from ..identify.solve import reduce
-from ..identify.uncertainty import inverse_normal
+from ..identification.sensitivity import STATES, Job, Sensitivity
+from ..identification.uncertainty import inverse_normal
 from ..model.effects.base import AXIS_OF_SITE
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
 from ..recordings import Recording
 from .candidates import SITE_OF_NUMBER
 from .plays import Play
 from .reach import Reach
-from .trials import EFFECTIVE, Fitted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,23 +41,16 @@ class Contender:
     kind: str
     site: str
     probability: float
-    fitted: Fitted
+    plant: Plant
+    free: tuple[str, ...]
+    """Names of its free parameters,"""
     normal: NDArray[np.float64]
-    """Normal matrix of its free parameters on the recordings that there are."""
+    """and their normal matrix on the recordings that there are."""
 
     @property
     def axis(self) -> str:
         """The axis that it is about."""
         return AXIS_OF_SITE[SITE_OF_NUMBER.get(self.site, self.site)]
-
-
-def contender(kind: str, site: str, probability: float, fitted: Fitted) -> Contender:
-    """A fitted explanation with what the recordings say about its numbers."""
-    count = len(fitted.free)
-    width = columns_for(count)
-    gram = fitted.engine.gram(fitted.vector[None], fitted.free[None], fitted.initial[None], fitted.batch, columns=width)
-    reduced = reduce(gram.products[0], count, width, fitted.initial, fitted.batch.initial, fitted.batch.prior)
-    return Contender(kind, site, probability, fitted, reduced.matrix)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,25 +63,26 @@ class Separation:
 
 
 def separations(
-    plays: Sequence[Play], contenders: Sequence[Contender], setting: Setting, reach: Reach
+    plays: Sequence[Play], contenders: Sequence[Contender], problem: Problem, reach: Reach
 ) -> list[Separation]:
     """What inputs would bring, the best first, without those that leave their limits.
 
     Args:
         plays: inputs.
         contenders: at least two.
-        setting: noise and what the rig has.
+        problem: the recordings, their noise, and how many independent samples they have.
         reach: limits.
     """
-    found: list[Separation] = []
+    setting = problem.setting
     recordings = [as_recording(play, reach, setting) for play in plays]
-    room = min(c.fitted.batch.count for c in contenders)
-    for first in range(0, len(plays), room):
-        part = recordings[first : first + room]
-        runs = [played(contender, setting, part) for contender in contenders]
-        for i, play in enumerate(plays[first : first + room]):
-            if all(_is_inside(run.predicted[i, : run.points[i]], reach, setting) for run in runs):
-                found.append(Separation(play, _log_wrong(contenders, runs, i)))
+    data = make_data(recordings, (WHOLE,), setting.noise, problem.data.samples)
+    runs = [played(contender, setting, data) for contender in contenders]
+    effective = problem.likelihood.total / len(problem.data.grids)
+    found = [
+        Separation(play, _log_wrong(contenders, runs, i, effective))
+        for i, play in enumerate(plays)
+        if all(_is_inside(run.predicted[i], reach, setting) for run in runs)
+    ]
     return sorted(found, key=lambda s: s.log_wrong)
 
 
@@ -132,32 +126,38 @@ def as_recording(play: Play, reach: Reach, setting: Setting) -> Recording:
 class Runs:
     """One contender's simulations of some inputs."""
 
-    batch: Batch
-    predicted: NDArray[np.float64]
-    """Lane, sample, channel."""
-    tangents: NDArray[np.float64]
-    """Weighted, of free parameters and initial states: lane, column, sample and channel."""
+    predicted: list[NDArray[np.float64]]
+    """By input `(sample, 3)`."""
+    tangents: list[NDArray[np.float64]]
+    """Of free parameters and initial states, over the noise: by input `(column, sample and channel)`."""
+    scale: list[NDArray[np.float64]]
+    """One over the noise where there is a sample, by input `(sample, 3)`."""
+    prior: list[NDArray[np.float64]]
+    """Precision of the initial states by input; infinite where one is held."""
     normal: NDArray[np.float64]
     """Normal matrix of the free parameters on the recordings that there are."""
 
-    @property
-    def points(self) -> list[int]:
-        """Samples of each input."""
-        return [grid.intervals + 1 for grid in self.batch.grids]
 
-
-def played(contender: Contender, setting: Setting, recordings: Sequence[Recording]) -> Runs:
+def played(contender: Contender, setting: Setting, data: Data) -> Runs:
     """A contender's simulations of inputs, with its tangents."""
-    fitted = contender.fitted
-    table, count = fitted.engine.table, len(fitted.free)
-    width = columns_for(count)
-    # In the shape of the training lanes, so that the program of the fit serves again.
-    batch = lanes_for(table, fitted.plant, setting, recordings, None, fitted.batch)
-    vector, free = fitted.vector[None], fitted.free[None]
-    gram = fitted.engine.gram(vector, free, batch.initial[None], batch, columns=width, keep=True)
-    assert gram.tangents is not None
-    used = np.concatenate([np.arange(count), width + np.arange(batch.initial.shape[1])])
-    return Runs(batch, gram.predicted[0], gram.tangents[0][:, used], contender.normal)
+    engine = engine_for(setting, data, contender.plant)
+    table = ParameterTable(contender.plant)
+    vector = np.array(table.ravel(contender.plant), dtype=float)
+    free = np.array([table.positions(name)[0] for name in contender.free], np.int64)
+    jobs = [Job(vector, t.recording, t.begins, t.states, free) for t in data.tilings]
+    found: dict[int, Sensitivity] = {}
+    engine.sensitivities(jobs, lambda i, got: found.update({i: got}))
+    runs = Runs([], [], [], [], contender.normal)
+    for i, own in enumerate(data.tilings):
+        stop = int(own.stops[-1])
+        seen = data.measured[own.recording, :stop]
+        noise = np.where(np.isnan(data.noise[own.recording]), 1.0, data.noise[own.recording])
+        scale = seen / noise
+        runs.predicted.append(found[i].predicted[:stop])
+        runs.tangents.append((found[i].tangents[:, :stop] * scale).reshape(len(free) + STATES, -1))
+        runs.scale.append(scale)
+        runs.prior.append(own.precision[0])
+    return runs
 
 
 def _is_inside(readings: NDArray[np.float64], reach: Reach, setting: Setting) -> bool:
@@ -171,15 +171,15 @@ def _is_inside(readings: NDArray[np.float64], reach: Reach, setting: Setting) ->
     )
 
 
-def _log_wrong(contenders: Sequence[Contender], runs: Sequence[Runs], i: int) -> float:
+def _log_wrong(contenders: Sequence[Contender], runs: Sequence[Runs], i: int, effective: float) -> float:
     """Logarithm of the chance that another contender is preferred to the true one, whichever that is."""
     total = sum(c.probability for c in contenders)
     terms = []
     for truth, own in zip(contenders, runs, strict=True):
-        new = float((np.asarray(own.batch.lanes.weight[i]) > 0).sum())
+        new = float((own.scale[i] > 0).sum())
         for rival, other in zip(contenders, runs, strict=True):
             if rival is not truth:
-                apart = EFFECTIVE * np.log1p(distance(own, other, i) / (truth.fitted.cost + new))
+                apart = min(effective, new) * np.log1p(distance(own, other, i) / new)
                 odds = truth.probability / rival.probability
                 terms.append(np.log(truth.probability / total) + log_preferred(odds, float(apart)))
     return min(float(logsumexp(terms)), float(np.log(guess([c.probability for c in contenders]))))
@@ -202,9 +202,8 @@ def guess(chances: Sequence[float]) -> float:
 
 def distance(truth: Runs, rival: Runs, i: int) -> float:
     """Sum of squares over the noise by which a rival, refitted, misses what the truth would record of input `i`."""
-    weight = np.asarray(rival.batch.lanes.weight[i])
-    apart = ((truth.predicted[i] - rival.predicted[i]) * weight).ravel()
-    tangents, prior = rival.tangents[i], rival.batch.prior[i]
+    apart = ((truth.predicted[i] - rival.predicted[i]) * rival.scale[i]).ravel()
+    tangents, prior = rival.tangents[i], rival.prior[i]
     count = len(rival.normal)
     held = ~np.isfinite(prior)
     known = np.zeros((len(tangents), len(tangents)))

@@ -18,7 +18,7 @@ from ..model.steps import longest_step
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import Engine
+from .sensitivity import WIDTHS, Engine
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -61,16 +61,41 @@ class Problem:
 
     def of_horizons(self, horizons: Sequence[float]) -> "Problem":
         """The same with the windows of some horizons only; the criterion of the others is left out."""
-        data = self.data.of_horizons(horizons)
-        chosen = np.isin(self.windows.horizon, horizons)
+        return self._of([t.horizon in horizons for t in self.data.tilings])
+
+    def of_some(self, most: int) -> "Problem":
+        """The same with so many of the recordings' tilings at most, evenly chosen."""
+        count = len(self.data.grids)
+        if count <= most:
+            return self
+        kept = set(np.linspace(0, count - 1, most).round().astype(int).tolist())
+        return self._of([t.recording in kept for t in self.data.tilings])
+
+    def _of(self, keep: Sequence[bool]) -> "Problem":
+        data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])
+        chosen = np.array(keep)[self.windows.tiling]
         own = self.likelihood
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
         """Those initial states that belong to the tilings of a part of this problem."""
-        kept = part.data.horizons
-        return tuple(s for s, t in zip(states, self.data.tilings, strict=True) if t.horizon in kept)
+        kept = {(t.recording, t.horizon) for t in part.data.tilings}
+        tilings = self.data.tilings
+        return tuple(s for s, t in zip(states, tilings, strict=True) if (t.recording, t.horizon) in kept)
+
+    def states_with(
+        self, states: Sequence[NDArray[np.float64]], part: "Problem", own: Sequence[NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Initial states of all tilings, with those of a part of this problem put in."""
+        found = {(t.recording, t.horizon): s for t, s in zip(part.data.tilings, own, strict=True)}
+        return tuple(found.get((t.recording, t.horizon), s) for t, s in zip(self.data.tilings, states, strict=True))
+
+    def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
+        """Those windows' errors that belong to a part of this problem."""
+        kept = {(t.recording, t.horizon) for t in part.data.tilings}
+        keep = np.array([(t.recording, t.horizon) in kept for t in self.data.tilings])
+        return square[keep[self.windows.tiling]]
 
     @property
     def guesses(self) -> tuple[NDArray[np.float64], ...]:
@@ -93,6 +118,10 @@ class Problem:
     def residuals(self, engine: Engine, point: Start | Point) -> list[NDArray[np.float64]]:
         return residuals(engine, self.data, point)
 
+    def revalued(self, point: Point) -> Point:
+        """A point by this problem's criterion."""
+        return dataclasses.replace(point, value=self.likelihood.value(point.square))
+
 
 def make_problem(setting: Setting, data: Data) -> Problem:
     """A problem whose criterion takes every sample of what is measured for a part of one smooth error."""
@@ -100,9 +129,9 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(problem: Problem, plant: Plant) -> Engine:
-    """Compiled simulations of a plant on a problem's recordings."""
-    table, data = ParameterTable(plant), problem.data
+def engine_for(setting: Setting, data: Data, plant: Plant, widths: tuple[int, ...] = WIDTHS) -> Engine:
+    """Compiled simulations of a plant on recordings."""
+    table = ParameterTable(plant)
     own = overrides(table, data.recordings)
     memory = 1.5 * sum(float(e.delay) for e in plant.all(InputDelay)) + 5.0 * max(map(float, plant.time_constants()))
     history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
@@ -110,8 +139,8 @@ def engine_for(problem: Problem, plant: Plant) -> Engine:
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    step = longest_step(plant, problem.setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)))
+    step = longest_step(plant, setting.step)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), widths)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
@@ -126,7 +155,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
     Returns:
         The problem with the effective numbers of samples that the fitted model's residuals have, and the model.
     """
-    engine = engine_for(problem, plant)
+    engine = engine_for(problem.setting, problem.data, plant)
     start = start_of(problem, engine, plant, known)
     horizons = problem.data.horizons
     for last in range(1, len(horizons) + 1):

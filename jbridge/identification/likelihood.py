@@ -10,9 +10,10 @@ in units of the noise's variance, with `m` the effective number of samples of a 
 
 A window that the model cannot meet yet costs the logarithm of its error, so it does not bend everything else; between
 200 and 100 times the noise as much is gained as between 2 times and once. `n`, the effective number of samples of a
-recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves
-(Geyer's initial positive sequence, Statistical Science 7, 1992). `a` discounts windows at rest, which tell next to
-nothing of laws of motion.
+recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves: it
+is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley, Supplement to the
+Journal of the Royal Statistical Society 8, 1946). `a` discounts windows at rest, which tell next to nothing of laws of
+motion.
 """
 
 import dataclasses
@@ -21,14 +22,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .data.windows import Data, Tiling
+from .data.windows import Data
 
 NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
 _MOTION = 5.0
 """Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
-_LAGS = 4000
-"""Most lags of an autocorrelation."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +116,7 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             counted = windows.count[own, k]
             if not counted.any():
                 continue
-            effective = _effective(tiling, residuals[t][:, k], data.measured[tiling.recording, :, k])
+            effective = _effective(residuals[t][:, k], data.measured[tiling.recording, :, k])
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), []).append(float((counted * effective).sum()))
             share[own, k] = windows.motion[own, k] / tiling.windows
@@ -131,21 +130,22 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
     return Likelihood(share, within, windows.count, total)
 
 
-def _effective(tiling: Tiling, residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
-    """Effective number of samples over their number, from the autocorrelation within windows, pooled over them."""
-    lags = int(min(max(tiling.stops - tiling.begins), _LAGS))
-    total = np.zeros(lags)
-    for a, b in zip(tiling.begins, tiling.stops, strict=True):
-        own = residual[a:b][measured[a:b]]
-        if len(own) > 1:
-            size = 2 ** int(np.ceil(np.log2(2 * len(own))))
-            spectrum = np.abs(np.fft.rfft(own, size)) ** 2
-            found = np.fft.irfft(spectrum, size)[: min(len(own), lags)]
-            total[: len(found)] += found
+def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
+    """Effective number of samples over their number, from the autocorrelation over a recording.
+
+    It is that of the recording, not of its windows: an error that comes back with every repetition of a motion tells
+    no more than one repetition does.
+    """
+    size = 2 ** int(np.ceil(np.log2(2 * len(residual))))
+    lags = np.arange(1, max(len(residual) // 2, 2))
+    total = _autocorrelation(np.where(measured, residual, 0.0), size)
+    pairs = np.maximum(_autocorrelation(measured.astype(float), size), 1.0)
     if total[0] <= 0.0:
         return 1.0
-    rho = total / total[0]
-    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
-    ends = np.flatnonzero(pairs <= 0.0)
-    stop = int(ends[0]) if len(ends) else len(pairs)
-    return float(1.0 / max(2.0 * pairs[:stop].sum() - 1.0, 1.0))
+    # The square of a correlation that is none is 1/pairs on average.
+    squares = (total[lags] / total[0]) ** 2 - pairs[lags] / pairs[0] ** 2
+    return float(1.0 / (1.0 + 2.0 * max(float(squares.sum()), 0.0)))
+
+
+def _autocorrelation(values: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    return np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)

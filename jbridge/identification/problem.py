@@ -17,6 +17,7 @@ from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
 from ..recordings import Recording, constant_inputs
 from .data.noise import noise_floor
+from .data.thinning import thinned
 
 _PART_OF = {
     "cart_mass": "x",
@@ -34,9 +35,9 @@ _STEP = 0.0051
 """Longest integration step of the rigid bridge [s],"""
 _FINEST = 8
 """and how many take its place at most."""
-_OWN = 4.0
-"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing: of that a fit leaves
-hardly anything."""
+_OWN = 1.0
+"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing. It goes with the square
+of the step, and what is not seen beside the noise must not look like another length of rope either."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
@@ -61,6 +62,11 @@ class Setting:
     def period(self) -> float:
         """Sampling period [s], the median of the recordings'."""
         return float(np.median([recording.period for recording in self.recordings]))
+
+    def thinned(self) -> "Setting":
+        """The same with at most a sample every few milliseconds: more cost time and tell a fit nothing."""
+        fewer = tuple(thinned(r) for r in self.recordings), tuple(thinned(r) for r in self.holdout)
+        return dataclasses.replace(self, recordings=fewer[0], holdout=fewer[1])
 
 
 def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:

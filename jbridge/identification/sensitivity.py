@@ -31,7 +31,7 @@ from .data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
-_WIDTHS = (6, 12, 24)
+WIDTHS = (6, 12, 24)
 """Parameter columns that programs are compiled for; more than the last are taken in several calls."""
 _LANES = 8
 """Simulations of one call."""
@@ -70,7 +70,14 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, widths: tuple[int, ...] = WIDTHS):
+        """Args:
+        plant: gives the structure; its values are not kept.
+        courses: inputs of the recordings.
+        substeps: integration steps in each interval.
+        widths: numbers of parameter columns that programs are compiled for, in rising order.
+        """
+        self._widths = widths
         self.table = ParameterTable(plant)
         self.substeps = substeps
         self.count = len(courses)
@@ -92,12 +99,21 @@ class Engine:
 
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
-        most = max((len(job.free) for job in jobs), default=0)
-        width = next((w for w in _WIDTHS if w >= most), _WIDTHS[-1])
+
+        def width_of(job: Job) -> int:
+            return next((w for w in self._widths if w >= len(job.free)), self._widths[-1])
+
+        for width in sorted({width_of(job) for job in jobs}):
+            self._of_width([i for i, job in enumerate(jobs) if width_of(job) == width], jobs, width, take)
+
+    def _of_width(
+        self, which: Sequence[int], jobs: Sequence[Job], width: int, take: Callable[[int, Sensitivity], None]
+    ) -> None:
+        """Jobs of one width."""
         parts = []
-        for i, job in enumerate(jobs):
-            edges = range(0, max(len(job.free), 1), width)
-            parts += [(i, job.free[a : a + width]) for a in edges]
+        for i in which:
+            edges = range(0, max(len(jobs[i].free), 1), width)
+            parts += [(i, jobs[i].free[a : a + width]) for a in edges]
         pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
 
         def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
@@ -175,21 +191,21 @@ def _pushed(
     states: Float[Array, "lane sample state"],
     substeps: int,
 ) -> tuple[Array, Array]:
-    def one(vector: Array, towards: Array, course: Course, restart: Array, states: Array) -> tuple[Array, Array]:
-        along = jnp.concatenate([towards, jnp.zeros((STATES, vector.shape[0]))])
-        begun = jnp.concatenate([jnp.zeros((towards.shape[0], STATES)), jnp.eye(STATES)])
+    def all_lanes(vectors: Array, states: Array) -> Array:
+        def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
+            return _simulated(table, vector, course, restart, states, substeps)
 
-        def push(direction: Array, change: Array) -> tuple[Array, Array]:
-            everywhere = jnp.broadcast_to(change, states.shape)
-            return jax.jvp(
-                lambda vector, states: _simulated(table, vector, course, restart, states, substeps),
-                (vector, states),
-                (direction, everywhere),
-            )
+        return jax.vmap(one)(vectors, courses, restart, states)
 
-        return jax.vmap(push, out_axes=(None, 0))(along, begun)
+    def push(direction: Array, change: Array) -> tuple[Array, Array]:
+        everywhere = jnp.broadcast_to(change, states.shape)
+        return jax.jvp(all_lanes, (vectors, states), (direction, everywhere))
 
-    return jax.vmap(one)(vectors, towards, courses, restart, states)
+    lanes, width, size = towards.shape
+    along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((STATES, lanes, size))])
+    begun = jnp.concatenate([jnp.zeros((width, STATES)), jnp.eye(STATES)])
+    # Columns outside, lanes inside: processors take neighbours together, and all lanes do the same.
+    return jax.vmap(push, out_axes=(None, 1))(along, begun)
 
 
 def _simulated(
@@ -201,11 +217,11 @@ def _simulated(
     substeps: int,
 ) -> Float[Array, "sample 3"]:
     """Readings of one recording, with the measured coordinates set anew where `restart` is 1."""
-    plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector))
+    plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
     lane = course.lane
     times = sample_times(lane.start, lane.dt)
     q, v = _behind_sensors(plant, times, states)
-    told, lags = timetable(plant, lane, substeps)
+    told, lags = timetable(plant, lane, substeps, cut=False)
     first = start(plant, jnp.stack([*(part[0] for part in q), *(part[0] for part in v)]), lags, lane.active)
 
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:

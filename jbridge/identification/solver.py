@@ -111,7 +111,7 @@ def solve(
                 vector = point.vector.copy()
                 vector[point.free] += step
                 moved = normal.shift + normal.back @ step
-                trials.append(Start(vector, point.free, _moved(data, windows, point.states, moved)))
+                trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, windows, likelihood, trials)
             found = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
@@ -203,12 +203,10 @@ def normal_equations(
         order = [*range(n), n + STATES, *range(n, n + STATES)]
         table = table[:, order]
         own = slice(first, first + tiling.windows)
-        products = _products(table, tiling.begins, tiling.fit_until)
+        products = _products(table, tiling.begins, tiling.stops)
         away = point.states[k] - tiling.states
         shift, back = _eliminated(products, weights[i][own], away, tiling.precision, n)
         normal.shift[own], normal.back[own] = shift, back
-        if (tiling.count_from != tiling.begins).any() or (tiling.fit_until != tiling.stops).any():
-            products = _products(table, tiling.count_from, tiling.stops)
         # Parameters and residual, with what the initial states make of either.
         follow = np.zeros((tiling.windows, n + 1 + STATES, n + 1))
         follow[:, np.arange(n + 1), np.arange(n + 1)] = 1.0
@@ -343,9 +341,10 @@ def bounded_step(
     return np.clip(step / unit, least, most)
 
 
-def _moved(
+def moved_states(
     data: Data, windows: Index, states: tuple[NDArray[np.float64], ...], change: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
+    """Initial states after a change, within their room, by tiling."""
     out = []
     for k, tiling in enumerate(data.tilings):
         finite = np.isfinite(tiling.precision) & (tiling.precision > 0)

@@ -98,6 +98,8 @@ class ParameterTable:
             self._positions.setdefault(group, []).append(offset + i)
             self._positions[name] = [offset + i]
         self._by_position = {p: e for e in self.entries for p in self._positions[e.name]}
+        fitted = (p in self._by_position and self._by_position[p].info.fitted for p in range(sum(self._sizes)))
+        self._fitted = tuple(fitted)
 
     def entry(self, position: int | np.integer) -> Entry:
         """What is known of the number at a place of the vector."""
@@ -172,12 +174,23 @@ class ParameterTable:
             return jax.device_put(np.concatenate([np.ravel(np.asarray(leaf, dtype=float)) for leaf in leaves]))
         return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=jnp.result_type(float))) for leaf in leaves])
 
-    def unravel(self, vector: Float[Array, " parameter"] | Float[np.ndarray, " parameter"]) -> Plant:
+    def unravel(
+        self, vector: Float[Array, " parameter"] | Float[np.ndarray, " parameter"], *, fitted: bool = False
+    ) -> Plant:
+        """The plant with a vector's numbers.
+
+        Args:
+            vector: all numbers.
+            fitted: whether derivatives are wanted by those numbers alone that are ever estimated. Tangents of all
+                others (knots, lengths of reference) then are no work.
+        """
         traced = isinstance(vector, jax.core.Tracer)
         values = vector if traced else np.asarray(vector)
         leaves, offset = [], 0
         for shape, size in zip(self._shapes, self._sizes, strict=True):
-            leaves.append(values[offset : offset + size].reshape(shape))
+            leaf = values[offset : offset + size].reshape(shape)
+            held = traced and fitted and not any(self._fitted[offset : offset + size])
+            leaves.append(jax.lax.stop_gradient(leaf) if held else leaf)
             offset += size
         return jax.tree.unflatten(self.treedef, leaves if traced else jax.device_put(leaves))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..diagnosis.result import Diagnosis, NamedEffect
-from ..identify.result import Errors, Estimate, Fit
+from ..identification.result import Errors, Estimate, Fit
 from .rows import parts
 
 SCHEMA = 1
@@ -22,6 +22,9 @@ def report_json(diagnosis: Diagnosis) -> str:
         {
             "schema": SCHEMA,
             "verdict": diagnosis.verdict,
+            "complete": diagnosis.complete,
+            "explained": {"all": None, **diagnosis.explained},
+            "stopped": diagnosis.stopped,
             "statement": diagnosis.statement,
             "adequacy": _adequacy(diagnosis),
             "location": _location(diagnosis),
@@ -34,7 +37,6 @@ def report_json(diagnosis: Diagnosis) -> str:
             "continued": None if diagnosis.continued is None else dataclasses.asdict(diagnosis.continued),
             "bridge": _estimates(diagnosis.bridge),
             "holdout": diagnosis.holdout,
-            "aside": diagnosis.aside,
             "trials": diagnosis.trials,
             "warnings": diagnosis.warnings,
             "notes": diagnosis.notes,
@@ -75,8 +77,7 @@ def _adequacy(diagnosis: Diagnosis) -> dict[str, Any]:
     adequacy = diagnosis.adequacy
     return {
         "alarm": adequacy.alarm,
-        "p_value": adequacy.p_value,
-        "learnable": {"before": adequacy.learnable_before, "after": adequacy.learnable_after},
+        "repeatable": {"before": adequacy.repeatable_before, "after": adequacy.repeatable_after},
         "channels": {
             name: {
                 "rmse": channel.rmse,
@@ -119,6 +120,8 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "kind": effect.kind,
         "site": effect.site,
         "probability": effect.probability,
+        "status": effect.status,
+        "explained": effect.explained,
         "parameters": _estimates(effect.parameters),
         "equivalents": [
             {
@@ -162,6 +165,15 @@ def _before_and_after(diagnosis: Diagnosis) -> dict[str, Any]:
             "train": pair(*train, "window"),
             "holdout": pair(*holdout, "window"),
         },
+        "horizons": [
+            {
+                "seconds": row.seconds,
+                "holdout": {"before": row.before, "after": row.after},
+                "typical": {"before": row.typical_before, "after": row.typical_after},
+                "scatter": {axis: (row.scatter or {}).get(axis) for axis in row.before},
+            }
+            for row in diagnosis.horizons
+        ],
     }
 
 

@@ -1,9 +1,7 @@
 """`report.html`: the verdict first, then the proof, then what a rig's owner needs in order to believe it."""
 
-import math
 from collections.abc import Mapping
 
-from ..diagnosis.adequacy import is_large
 from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
 from .figures.gallery import Gallery
@@ -68,7 +66,7 @@ def _header(diagnosis: Diagnosis) -> str:
         + tag("h1", diagnosis.statement)
         + element("dl", shown_facts)
         + bullets(diagnosis.warnings, "warnings"),
-        diagnosis.verdict,
+        diagnosis.verdict or "unknown",
     )
 
 
@@ -114,7 +112,7 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
         errors_table(
             diagnosis.train_before.free_run if changed else None, diagnosis.train_after.free_run, diagnosis.noise
         ),
-        paragraph(f"{_alarm(diagnosis)} {_learnable(diagnosis)}"),
+        paragraph(f"{_alarm(diagnosis)} {_repeatable(diagnosis)}"),
         paragraph(
             "Errors are root mean squares of simulations that are given the inputs and the start alone."
             f"{explained} An error of 1 × noise is as good as the sensors can show. In windows a simulation starts anew"
@@ -125,23 +123,17 @@ def _fit(diagnosis: Diagnosis, gallery: Gallery) -> str:
 
 
 def _alarm(diagnosis: Diagnosis) -> str:
-    adequacy = diagnosis.adequacy
-    chance = f" (p = {adequacy.p_value:.2g})" if math.isfinite(adequacy.p_value) else ""
-    if adequacy.alarm and not is_large(adequacy.channels):
-        return f"The model as given leaves little of the recordings unexplained{chance}, but the hold-out shows it."
-    if adequacy.alarm:
-        return f"The model as given does not explain the recordings{chance}."
-    if diagnosis.verdict == "unknown":
-        return f"The model as given, refitted, explains the recordings, but not all that it should foresee{chance}."
-    return f"The model as given, refitted, explains what can be explained{chance}."
+    if diagnosis.adequacy.alarm:
+        return "The model as given does not explain the recordings."
+    return "The model as given, refitted, explains what can be explained."
 
 
-def _learnable(diagnosis: Diagnosis) -> str:
-    before, after = diagnosis.adequacy.learnable_before, diagnosis.adequacy.learnable_after
-    if not math.isfinite(before):
+def _repeatable(diagnosis: Diagnosis) -> str:
+    before, after = diagnosis.adequacy.repeatable_before, diagnosis.adequacy.repeatable_after
+    if before is None:
         return ""
     said = f"Of the force that it leaves unexplained, {percent(before)} repeats from recording to recording"
-    return f"{said}; with the final model {percent(after)}." if math.isfinite(after) else f"{said}."
+    return f"{said}; with the final model {percent(after)}." if after is not None else f"{said}."
 
 
 def errors_table(before: Mapping[str, float] | None, after: Mapping[str, float], noise: Mapping[str, float]) -> str:
@@ -175,29 +167,40 @@ def _effects(diagnosis: Diagnosis, gallery: Gallery) -> str:
     if not diagnosis.effects:
         none = {
             "adequate": "Nothing needs to be added to the model.",
-            "unknown": "No physics of the catalogue explains what is missing, so none is named."
-            if diagnosis.adequacy.alarm
-            else "Too few recordings show it, so nothing is named.",
+            "unknown": "No physics of the catalogue explains what is missing, so none is named.",
         }
-        return section("What is missing", paragraph(none.get(diagnosis.verdict, "")))
+        return section("What is missing", paragraph(none.get(diagnosis.verdict or "", "")))
     heading = "What is missing" if diagnosis.verdict != "unknown" else "What was found, though more is missing"
     return section(heading, *(_effect(effect, diagnosis, gallery) for effect in diagnosis.effects))
 
 
 def _effect(effect: NamedEffect, diagnosis: Diagnosis, gallery: Gallery) -> str:
-    chance = "" if effect.probability is None else f" - probability {percent(effect.probability)}"
+    chance = "" if effect.probability is None else f" - {effect.status}, probability {percent(effect.probability)}"
     meaning = effect_meaning(effect.kind, effect.site)
     return "\n".join(
         piece
         for piece in (
             tag("h3", capital(effect_name(effect.kind, effect.site)) + chance),
             paragraph(effect.statement or capital(meaning)),
+            paragraph(_status(effect), "soft") if effect.probability is not None else "",
             parameter_tables(effect.parameters, effect.kind, effect.site, diagnosis.model.known),
             show((gallery.maps or {}).get((effect.kind, effect.site))),
             _rivals(effect, diagnosis),
         )
         if piece
     )
+
+
+def _status(effect: NamedEffect) -> str:
+    """What the hold-out says of an effect."""
+    share = (
+        "" if effect.explained is None else f" Without it {percent(effect.explained)} of the error at 1 s comes back."
+    )
+    if effect.status == "confirmed":
+        return f"Confirmed: the hold-out is met worse without it, by more than two standard errors.{share}"
+    if effect.status == "event":
+        return "An event: it happened once, in these recordings alone, and the model file leaves it out."
+    return f"Suggested: the recordings ask for it, and the hold-out does not decide.{share}"
 
 
 def _rivals(effect: NamedEffect, diagnosis: Diagnosis) -> str:

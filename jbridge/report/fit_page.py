@@ -1,6 +1,6 @@
 """`fit.html`: the fitted numbers first, then how well they do."""
 
-from ..identify.result import Fit
+from ..identification.result import Fit
 from .diagnosis_page import errors_table
 from .figures.gallery import Gallery
 from .html import bullets, element, page, paragraph, parameter_tables, section, show, show_all, tag

@@ -6,7 +6,7 @@ from html import escape
 from importlib.resources import files
 from itertools import zip_longest
 
-from ..identify.result import Estimate
+from ..identification.result import Estimate
 from .figures.style import Picture
 from .quantities import UNKNOWN, shown_entries
 from .rows import parameter_rows

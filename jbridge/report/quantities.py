@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from ..identify.result import Estimate
+from ..identification.result import Estimate
 
 _DEGREES = 180.0 / math.pi
 _ANGLES = {"rad": "°", "rad/s": "°/s"}

@@ -5,7 +5,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from ..diagnosis.result import Diagnosis
-from ..identify.result import Estimate, Fit
+from ..identification.result import Estimate, Fit
 from .quantities import UNKNOWN, digits, error_scale, join_unit, percent, shown, times_noise
 from .words import is_choice, parameter_meaning
 

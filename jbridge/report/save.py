@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..diagnosis.result import Diagnosis
-from ..identify.result import Fit
+from ..identification.result import Fit
 from ..model.files import save_model
 from ..recordings import save_csv
 from .as_json import INPUT_FILE, fit_json, report_json

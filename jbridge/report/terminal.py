@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
-from ..identify.result import Estimate, Fit, Trace
+from ..identification.result import Estimate, Fit, Trace
 from .as_json import INPUT_FILE
 from .files import PathLike
 from .next_steps import limit_text
@@ -91,7 +91,7 @@ def _place(diagnosis: Diagnosis) -> str:
 
 
 def _effect(effect: NamedEffect, diagnosis: Diagnosis) -> list[str]:
-    chance = "" if effect.probability is None else f", probability {percent(effect.probability)}"
+    chance = "" if effect.probability is None else f", {effect.status}, probability {percent(effect.probability)}"
     lines = _wrapped("Named", effect_name(effect.kind, effect.site) + chance)
     lines += _parameters(effect.parameters, effect.kind, effect.site, diagnosis.model.known, " " * (_INDENT + 2))
     for rival in effect.equivalents:

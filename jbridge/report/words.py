@@ -31,8 +31,10 @@ _VARIABLES = {
 _UNITS = {"x": "m", "psi": "rad", "l": "m", "v_x": "m/s", "v_psi": "rad/s", "v_l": "m/s", "t": "s"}
 
 
-def heading(verdict: str, kinds: Iterable[str]) -> str:
+def heading(verdict: str | None, kinds: Iterable[str]) -> str:
     """A verdict in a few words, given the kinds of what was named."""
+    if verdict is None:
+        return "Interrupted: no verdict"
     named = list(kinds)
     if verdict == "missing_physics" and named and all(kind == WRONG_VALUE for kind in named):
         return "A number of the model is wrong"

@@ -9,7 +9,7 @@ from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
-from tests.identify.cases import FULL, NOISE, TIMES, make_recording
+from tests.identification.cases import FULL, NOISE, TIMES, make_recording
 from tests.problems import make_plant
 
 KNOWN = frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"})

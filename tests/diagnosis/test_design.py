@@ -8,14 +8,20 @@ import pytest
 from jbridge.diagnosis.design import _gentlest, next_experiment
 from jbridge.diagnosis.plays import FORMS, Play, Wave, library, start_of, variants
 from jbridge.diagnosis.reach import Reach, Volts, reach_of
-from jbridge.diagnosis.search import Search
-from jbridge.diagnosis.separate import Separation, as_recording, contender, distance, guess, log_preferred, played
-from jbridge.diagnosis.trials import EFFECTIVE
+from jbridge.diagnosis.separate import (
+    Contender,
+    Separation,
+    as_recording,
+    distance,
+    guess,
+    log_preferred,
+    played,
+)
+from jbridge.identification.data.windows import WHOLE, make_data
+from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting
-from jbridge.identify.linearise import Engine
-from jbridge.identify.setting import lanes_for
 from jbridge.model.files import Model
-from tests.identify.cases import make_recording, play, steps
+from tests.identification.cases import make_recording, play, steps
 from tests.problems import CART_ALONE, LOCKED_ROPE, NUMBERS, make_plant
 
 DRIVES = {"u_x": Volts(0.0, (0.3, -0.2), (3.0, -3.0)), "u_l": Volts(-0.4, (0.1, -1.0), (4.0, -4.0))}
@@ -104,32 +110,51 @@ def rig(pair, truth, active=CART_ALONE, runs=one_way, noise=10.0, **numbers):
     plants = [make_plant(*effects, **numbers) for effects in pair]
     recordings = [runs(plants[truth], seed, active) for seed in range(3)]
     setting = make_setting(Model(plants[0], known, frozenset(NUMBERS), {}, "m.toml"), recordings, ())
-    fitted = [fit(plant, known, setting) for plant in plants]
     named = [plant.effects[-1] for plant in plants]
-    found = [contender(e.kind, e.site, 0.5, state) for e, state in zip(named, fitted, strict=True)]
+    found = [contender(e.kind, e.site, *fit(plant, known, setting)) for e, plant in zip(named, plants, strict=True)]
     return plants, known, setting, found
 
 
-def fit(plant, known, setting):
-    engine = Engine(plant)
-    guess_at = lanes_for(engine.table, plant, setting, setting.recordings).initial
-    return Search(plant, known, setting, None).polish(plant, known, guess_at, ())
+def fit(plant, known, setting, horizons=(1.0, WHOLE)):
+    """The recordings with their criterion, and the plant fitted to them."""
+    return fit_structure(make_problem(setting, make_data(setting.recordings, horizons)), plant, known)
+
+
+def contender(kind, site, problem, fitted):
+    [normal] = problem.normal(fitted.engine, [fitted.point])
+    n = len(fitted.free)
+    gram = np.einsum("wc,wcij->ij", problem.likelihood.weights(fitted.point.square), normal.products)[:n, :n]
+    names = tuple(fitted.table.entry(int(p)).name for p in fitted.free)
+    return Contender(kind, site, 0.5, fitted.plant, names, gram)
+
+
+def squares(plant, known, setting):
+    """Sum of squares over the noise of whole recordings after a fit."""
+    _, fitted = fit(plant, known, setting, (WHOLE,))
+    data = make_data(setting.recordings, (WHOLE,))
+    return float(np.sum(fitted.point.square * data.measured.sum(axis=1)))
 
 
 def decide(pair, truth, **options):
-    """Plays the proposed input on the truth and weighs both again: scores of the wrong one over the right one."""
+    """Plays the proposed input on the truth and weighs both again: the criterion of the wrong one over the right's."""
     active = options.get("active", CART_ALONE)
     plants, known, setting, found = rig(pair, truth, **options)
-    before = EFFECTIVE * np.log(found[1 - truth].fitted.cost / found[truth].fitted.cost)
-    proposed = next_experiment(found, setting, lambda text: None)
+    before = _apart(setting, known, plants, truth)
+    problem = make_problem(setting, make_data(setting.recordings, (WHOLE,)))
+    proposed = next_experiment(found, problem, lambda text: None)
     inputs = proposed.columns
     rest = np.zeros_like(inputs["t"])
     u = np.stack([inputs.get("u_x", rest), inputs.get("u_l", rest)], axis=1)[:-1]
     how = {"period": float(np.diff(inputs["t"])[0]), "start": dict(proposed.start), "active": active}
     new = play(plants[truth], u, name="new.csv", seed=77, noise=options.get("noise", 10.0), **how)
     again = dataclasses.replace(setting, recordings=(*setting.recordings, new))
-    costs = [fit(c.fitted.plant, known, again).cost for c in found]
-    return proposed, new, setting, before, EFFECTIVE * np.log(costs[1 - truth] / costs[truth])
+    return proposed, new, setting, before, _apart(again, known, plants, truth)
+
+
+def _apart(setting, known, plants, truth):
+    problem, right = fit(plants[truth], known, setting)
+    _, wrong = fit(plants[1 - truth], known, setting)
+    return problem.likelihood.value(wrong.point.square) - problem.likelihood.value(right.point.square)
 
 
 FRICTION = (("coulomb_friction", "cart", {"level": 4.0}),)
@@ -186,16 +211,25 @@ def test_an_encoder_offset_and_a_tilted_rail_are_told_apart():
 
 def test_the_distance_is_what_a_refit_leaves():
     """The linear distance against a full refit to noiseless readings of the other model and the old recordings."""
-    plants, known, setting, found = rig((FRICTION, DEAD), 0, cart_damping=30.0, cart_gain=16.0)
-    reach = reach_of(setting, [c.fitted.plant for c in found])
+    plants, known, setting, _ = rig((FRICTION, DEAD), 0, cart_damping=30.0, cart_gain=16.0)
+    found = []
+    for plant in plants:
+        problem, fitted = fit(plant, known, setting, (WHOLE,))
+        [normal] = problem.normal(fitted.engine, [fitted.point])
+        n = len(fitted.free)
+        names = tuple(fitted.table.entry(int(p)).name for p in fitted.free)
+        # As many samples as there are, since the recordings have white noise.
+        found.append(Contender("", "", 0.5, fitted.plant, names, normal.products.sum(axis=(0, 1))[:n, :n]))
+    reach = reach_of(setting, plants)
     # A small one, for which the linear model holds.
     (chosen, *_) = [p for p in library(reach, {"x"}) if p.waves["u_x"].form == "pulses"]
     recording = as_recording(chosen, reach, setting)
-    runs = [played(c, setting, [recording]) for c in found]
+    data = make_data([recording], (WHOLE,), setting.noise)
+    runs = [played(c, setting, data) for c in found]
     linear = distance(runs[0], runs[1], 0)
-    exact = dataclasses.replace(recording, x=runs[0].predicted[0, : len(recording.times), 0])
+    exact = dataclasses.replace(recording, x=runs[0].predicted[0][:, 0])
     again = dataclasses.replace(setting, recordings=(*setting.recordings, exact))
-    left = fit(found[1].fitted.plant, known, again).cost - found[1].fitted.cost
+    left = squares(plants[1], known, again) - squares(plants[1], known, setting)
     assert linear > 50.0
     assert left == pytest.approx(linear, rel=0.3)
 

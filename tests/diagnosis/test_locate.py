@@ -8,7 +8,7 @@ import pytest
 from jbridge.diagnosis.locate import equation_of, intervals, regions, times_of
 from jbridge.diagnosis.result import NamedEffect
 from jbridge.diagnosis.tracks import Track
-from jbridge.identify.result import Estimate
+from jbridge.identification.result import Estimate
 
 TIMES = np.arange(1600) * 0.01
 

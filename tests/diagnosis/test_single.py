@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge import diagnose
-from tests.identify.cases import DRY, cart_model, play, scaled, steps
+from tests.identification.cases import DRY, cart_model, play, scaled, steps
 from tests.problems import make_plant
 
 LAG = ("actuator_lag", "cart_drive", {"time_constant": 0.05})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge import diagnose
-from tests.identify.cases import DRY, NOISE, cart_model, play, scaled, steps
+from tests.identification.cases import DRY, NOISE, cart_model, play, scaled, steps
 from tests.problems import make_plant
 
 NUMBERS = {"cart_damping": 0.9, "cart_gain": 1.1}

@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge import diagnose
+from jbridge.identification.data.windows import WHOLE, make_data
+from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting
-from jbridge.identify.base import base_fit
 from jbridge.model.files import Model
-from tests.identify.cases import make_recording
+from tests.identification.cases import make_recording
 from tests.problems import make_plant
 
 MASS, LENGTH, GRAVITY = 0.143, 0.153, 9.81
@@ -54,9 +55,12 @@ def test_steps_are_as_fine_as_the_swing_and_the_encoder_need():
     setting = make_setting(MODEL, runs, [])
     usual = make_setting(MODEL, [swing("small.csv", 0.02, 5)], []).step
     assert setting.step < 0.6 * usual
-    coarse = dataclasses.replace(setting, step=usual)
-    assert base_fit(MODEL.plant, MODEL.known, setting).chi == pytest.approx(1.0, abs=0.06)
-    assert base_fit(MODEL.plant, MODEL.known, coarse).chi > 1.5
+    ratios = []
+    for step in (setting.step, usual):
+        problem = make_problem(dataclasses.replace(setting, step=step), make_data(runs, (WHOLE,)))
+        _, fitted = fit_structure(problem, MODEL.plant, MODEL.known)
+        ratios.append(float(np.sqrt(fitted.point.square[:, 1].mean())))
+    assert ratios[0] == pytest.approx(1.0, abs=0.06) and ratios[1] > 1.5
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from jbridge.identification.estimation import engine_for, fit_structure, make_pr
 from jbridge.identification.problem import make_setting
 from jbridge.identification.solver import Start
 from jbridge.model.files import Model
-from tests.identify.cases import DRY, cart_model, cart_recordings, play, scaled, steps, values
+from tests.identification.cases import DRY, cart_model, cart_recordings, play, scaled, steps, values
 from tests.problems import EVERY_AXIS, NUMBERS, make_plant
 
 TRUTH = make_plant(DRY)
@@ -52,7 +52,7 @@ def test_optimum_is_that_of_a_general_minimiser(runs):
 def test_a_larger_model_is_no_worse(runs):
     problem, small = fitted(cart_model(), runs)
     large = cart_model(("coulomb_friction", "cart", {"level": 0.0}))
-    engine = engine_for(problem, large.plant)
+    engine = engine_for(problem.setting, problem.data, large.plant)
     begun = start_of(problem, engine, large.plant, large.known)
     vector = begun.vector.copy()
     vector[: len(small.vector)] = small.vector

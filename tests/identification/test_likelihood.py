@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.likelihood import index, likelihood
-from tests.identify.cases import FULL, make_recording
+from tests.identification.cases import FULL, make_recording
 
 
 @pytest.fixture(scope="module")

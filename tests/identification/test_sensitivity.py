@@ -10,7 +10,7 @@ from jbridge.identification.problem import make_setting
 from jbridge.identification.sensitivity import Job
 from jbridge.model.files import Model
 from jbridge.rollout import MIDPOINT
-from tests.identify.cases import play, steps
+from tests.identification.cases import play, steps
 from tests.problems import EVERY_AXIS, NUMBERS, make_lane, make_plant, measure, simulate
 
 DRY = make_plant(
@@ -31,7 +31,7 @@ def problem_of(plant, horizons):
     ]
     model = Model(plant, frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"}), frozenset(NUMBERS), {}, "")
     problem = make_problem(make_setting(model, runs, []), make_data(runs, horizons))
-    engine = engine_for(problem, plant)
+    engine = engine_for(problem.setting, problem.data, plant)
     return problem, engine, start_of(problem, engine, plant, model.known), inputs
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jbridge import load_recording
+from jbridge.identification.evaluation import make_judge
 from jbridge.identification.problem import make_setting
-from jbridge.identify.evaluate import evaluate
-from jbridge.identify.force_balance import balance
+from jbridge.identification.residual_force import balance
 from jbridge.prediction import simulate
-from tests.identify.cases import NOISE, cart_model, play, steps
+from tests.identification.cases import NOISE, cart_model, play, steps
 from tests.problems import make_plant
 
 LAG = ("actuator_lag", "cart_drive", {"time_constant": 0.08})
@@ -43,7 +43,7 @@ def test_drives_start_as_they_were(run):
 
     def error(recording):
         setting = make_setting(model, [run], [recording])
-        return evaluate(model.plant, setting, [recording], windows=False).errors.free_run["x"]
+        return make_judge(setting, [recording], setting.noise).evaluate(model.plant).errors(np.inf)["x"]
 
     assert error(piece) < 1.1 * NOISE["x"] and error(alone) > 10 * NOISE["x"]
 

@@ -52,10 +52,8 @@ class Tiling:
     """First guess of each window's readings and rates at its beginning, `(window, 6)`."""
     precision: NDArray[np.float64]
     """One over the standard deviations of these guesses; infinite where a number is held."""
-    fit_until: NDArray[np.int64]
-    """Sample up to which a window tells of its own beginning (`stops` where all of it does),"""
     count_from: NDArray[np.int64]
-    """and from which its error counts (`begins` where all of it does)."""
+    """Sample from which a window's error counts (`begins` where all of it does)."""
 
     @property
     def windows(self) -> int:
@@ -95,7 +93,10 @@ class Data:
 
 
 def make_data(
-    recordings: Sequence[Recording], horizons: Sequence[float] = HORIZONS, noise: Mapping[str, float] | None = None
+    recordings: Sequence[Recording],
+    horizons: Sequence[float] = HORIZONS,
+    noise: Mapping[str, float] | None = None,
+    samples: int = 0,
 ) -> Data:
     """Puts recordings on the grid and tiles them with windows of each horizon.
 
@@ -104,10 +105,11 @@ def make_data(
         horizons: lengths of windows [s]; those that a recording has too few samples for, or that are hardly shorter
             than the recording itself, are left out.
         noise: standard deviation of each channel for all recordings; estimated for each recording by default.
+        samples: length of the grid at least, so that programs that are compiled for it serve again.
     """
     period = float(np.median([recording.period for recording in recordings]))
     grids = tuple(grid(recording, max(1.5 * period, 1e-4)) for recording in recordings)
-    samples = rounded(max(g.intervals for g in grids)) + 1
+    samples = max(rounded(max(g.intervals for g in grids)) + 1, samples)
     shape = (len(grids), samples, 3)
     y, measured, sigma = np.zeros(shape), np.zeros(shape, bool), np.full((len(grids), 3), np.nan)
     tilings = []
@@ -131,15 +133,13 @@ def tiling(
     begins: NDArray[np.int64],
     stops: NDArray[np.int64],
     noise: NDArray[np.float64],
-    fit_until: NDArray[np.int64] | None = None,
     count_from: NDArray[np.int64] | None = None,
 ) -> Tiling:
     """A tiling with first guesses of its initial states."""
     sigma = {axis: float(value) for axis, value in zip(AXES, noise, strict=True)}
     states, precision = initial_states(g, begins, sigma)
-    fit_until = stops if fit_until is None else fit_until
     count_from = begins if count_from is None else count_from
-    return Tiling(recording, horizon, begins, stops, states, precision, fit_until, count_from)
+    return Tiling(recording, horizon, begins, stops, states, precision, count_from)
 
 
 def _edges(g: Grid, horizon: float) -> NDArray[np.int64] | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...diagnosis.result import Region
 from ...diagnosis.tracks import INPUT_OF
-from ...identify.result import Trace
+from ...identification.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
 from .style import AFTER, BEFORE, SHADE, Picture, picture

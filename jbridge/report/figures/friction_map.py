@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import FigureBase
 
-from ...identify.result import Estimate
+from ...identification.result import Estimate
 from ..quantities import as_list, pretty_unit
 from ..words import capital, effect_name
 from .style import BACKWARDS, FORWARDS, Picture, picture

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...diagnosis.result import Diagnosis, Interval, NamedEffect, Region
-from ...identify.result import Errors, Fit, Trace
+from ...identification.result import Errors, Fit, Trace
 from ..rows import parts, units_of
 from ..words import AXIS_OF_EQUATION, input_units
 from .evidence import draw_evidence
 from .force import draw_force
 from .friction_map import draw_friction_map
+from .horizons import draw_horizons
 from .improvement import draw_improvement
 from .missing import draw_missing
 from .residuals import draw_residuals
@@ -23,7 +24,7 @@ _DIAGNOSED = ("model as given, refitted", "final model")
 _FITTED = ("model as given", "fitted model")
 _MOST_HOLDOUTS = 3
 OWN_NAME = re.compile(
-    r"(improvement|places|(missing-)?force-(x|psi|l)|(signals|residuals)-(train|holdout|aside)-.+"
+    r"(improvement|error-over-horizon|places|(missing-)?force-(x|psi|l)|(signals|residuals)-(train|holdout)-.+"
     r"|friction-map-position-(dependent|direction)-friction-.+)\.png"
 )
 """What the files of figures are called."""
@@ -53,8 +54,9 @@ def diagnosis_gallery(diagnosis: Diagnosis) -> Gallery:
     traces = choose(diagnosis.traces, diagnosis.noise, location.when)
     labels = _labels(diagnosis.traces, _DIAGNOSED, alone=_DIAGNOSED[0])
     return Gallery(
-        improvement=_improvement(
-            diagnosis.holdout_before, diagnosis.holdout_after, diagnosis.noise, diagnosis.window, labels
+        improvement=(
+            *_present(draw_horizons("error-over-horizon", diagnosis.horizons, diagnosis.noise, labels)),
+            *_improvement(diagnosis.holdout_before, diagnosis.holdout_after, diagnosis.noise, diagnosis.window, labels),
         ),
         evidence=_present(draw_evidence("places", location.sites, location.site)),
         missing=_missing(diagnosis, units),
@@ -80,14 +82,12 @@ def fit_gallery(fit: Fit) -> Gallery:
 
 
 def choose(traces: Sequence[Trace], noise: Mapping[str, float], when: Sequence[Interval]) -> list[Trace]:
-    """The hold-out recordings, the training recording that is met worst, the first in which the mismatch sits, and what
-    was set aside."""
+    """The hold-out recordings, the training recording that is met worst, and the first in which the mismatch sits."""
     holdouts = [trace for trace in traces if trace.role == "holdout"][:_MOST_HOLDOUTS]
     training = [trace for trace in traces if trace.role == "train"]
-    aside = [trace for trace in traces if trace.role == "aside"]
     worst = sorted(training, key=lambda trace: -misfit(trace, noise))[:1]
     named = [trace for interval in when[:1] for trace in training if trace.recording == interval.recording]
-    chosen = {id(trace): trace for trace in (*holdouts, *worst, *named, *aside)}
+    chosen = {id(trace): trace for trace in (*holdouts, *worst, *named)}
     return list(chosen.values())
 
 

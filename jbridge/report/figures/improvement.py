@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import NullFormatter
 
-from ...identify.result import Errors
+from ...identification.result import Errors
 from .style import AFTER, BEFORE, Picture, picture
 
 _NAMES = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...diagnosis.describe import most_telling
 from ...diagnosis.result import Interval, Likeness, MissingForce, Region
-from ...identify.result import Trace
+from ...identification.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
 from .force import FORCES, values_of

@@ -8,7 +8,7 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...diagnosis.result import Interval
-from ...identify.result import Trace
+from ...identification.result import Trace
 from ..quantities import error_scale, times_noise
 from ..rows import error_text
 from .style import AFTER, BEFORE, NOISE, SHADE, Picture, drawable, picture, shortened

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
-from ...identify.result import Trace
+from ...identification.result import Trace
 from ..quantities import Scale, pretty_unit
 from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
 
@@ -19,7 +19,6 @@ _AXES = {
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
-    "aside": "recording that was set aside: not used for fitting",
 }
 _INPUTS = {"u_x": "cart drive\nu_x", "u_l": "hoist drive\nu_l"}
 

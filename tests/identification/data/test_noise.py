@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.identification.data.noise import LEAST, noise_floor
-from tests.identify.cases import make_recording
+from tests.identification.cases import make_recording
 
 TIMES = np.arange(3000) * 0.005
 MOTION = 0.6 + 0.25 * np.sin(1.3 * TIMES) + 0.1 * np.sin(3.1 * TIMES)

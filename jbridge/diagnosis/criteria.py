@@ -1,0 +1,35 @@
+"""Every number by which a diagnosis decides, in one place."""
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Criteria:
+    """Constants of decisions. Halving or doubling any of them changes which of two close models is named, no more,
+    unless its line says otherwise."""
+
+    met: float = 1.5
+    """Error over noise, or measured scatter, up to which a channel is met; half of it would call noise an error."""
+    named: float = 0.5
+    """Share of the excess squared error of the hold-out that confirmed effects must close for `missing_physics`."""
+    confirmed: float = 2.0
+    """Standard errors over blocks by which the hold-out must be met worse without an effect for it to be confirmed."""
+    veto: float = 1.0
+    """Standard errors by which a move may lose on blocks that are left out."""
+    block: float = 3.0
+    """Shortest block of a recording [s] for standard errors, where there are fewer than six recordings."""
+    refitted: int = 6
+    """Proposals that are refitted in each round; fewer miss what a linear screen underrates, more take time."""
+    polished: int = 3
+    """Of these, models that are fitted to all windows."""
+    rounds: int = 12
+    """Most effects that a search adds; a guard, not a limit that is met."""
+    apart: float = 0.05
+    """Share of resamples in which another explanation must be the best for the two not to count as told apart."""
+    bootstrap: int = 200
+    """Resamples of blocks behind a probability."""
+    rivals: int = 3
+    """Explanations that are listed beside one that they cannot be told from."""
+
+
+CRITERIA = Criteria()

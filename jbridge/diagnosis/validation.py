@@ -1,0 +1,307 @@
+"""What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
+
+Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
+the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from .._types import AXES
+from ..identification.data.windows import WHOLE, make_data
+from ..identification.estimation import Problem, engine_for
+from ..identification.evaluation import Evaluation, make_judge, scatter
+from ..identification.likelihood import Likelihood, likelihood
+from ..identification.problem import Setting
+from ..identification.sensitivity import Engine
+from ..identification.solver import Point, Start
+from ..model.parameters import ParameterTable
+from ..model.plant import Plant
+from ..recordings import Recording
+from .candidates import WRONG_VALUE
+from .criteria import CRITERIA
+from .selection import Structure
+from .space import Name
+
+_COMPARED = (0.3, 1.0, 3.0, WHOLE)
+"""Horizons on which models are compared, those of the criterion."""
+_REFIT = 8
+"""Iterations of a fit without one of the effects."""
+_ONCE = frozenset({"time", "start"})
+"""Parameters of what happens once."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Checked:
+    """What the hold-out says of one effect."""
+
+    name: Name
+    status: str
+    """`confirmed`, `suggested`, or `event` for what happened once, in the recordings alone."""
+    explained: float | None
+    """Share of the hold-out's excess squared error that comes back without it; None where there is none."""
+    loss: float
+    """Of the criterion on the hold-out without it [nat],"""
+    error: float
+    """and its standard error over blocks."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fixed:
+    """A model of fixed structure, fitted, with its own program."""
+
+    plant: Plant
+    names: tuple[Name, ...]
+    engine: Engine
+    point: Point
+
+    @property
+    def table(self) -> ParameterTable:
+        return self.engine.table
+
+
+@dataclasses.dataclass(frozen=True)
+class Validation:
+    """The hold-out's answer."""
+
+    checked: tuple[Checked, ...]
+    final: Fixed
+    """The model with everything that was named but events."""
+    before: Evaluation
+    """Of the model as given, refitted, on the hold-out,"""
+    after: Evaluation
+    """and of the final model."""
+    train_before: Evaluation
+    train_after: Evaluation
+    explained: dict[str, float]
+    """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel."""
+    scatter: dict[float, dict[str, float] | None]
+    """Of repeated inputs, by horizon."""
+
+    @property
+    def confirmed(self) -> tuple[Checked, ...]:
+        return tuple(c for c in self.checked if c.status == "confirmed")
+
+    @property
+    def share(self) -> float | None:
+        """Mean of `explained` over channels."""
+        return float(np.mean(list(self.explained.values()))) if self.explained else None
+
+    def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float]:
+        """Error over noise, or over measured scatter where that is larger: the largest, its channel and horizon."""
+        out = (0.0, "", 0.0)
+        for run in evaluations:
+            for horizon in run.horizons:
+                spread = self.scatter.get(horizon) or {}
+                noise, errors = _noise(run), run.errors(horizon)
+                for axis, error in errors.items():
+                    ratio = error / max(noise[axis], spread.get(axis, 0.0))
+                    if ratio > out[0]:
+                        out = (ratio, axis, horizon)
+        return out
+
+    @property
+    def verdict(self) -> tuple[str, bool]:
+        """The verdict, and whether what remains is noise or measured scatter."""
+        worst, _, _ = self.worst((self.after, self.train_after))
+        met = worst <= CRITERIA.met
+        if self.confirmed and self.share is not None and self.share > CRITERIA.named:
+            return "missing_physics", met
+        if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
+            return "adequate", True
+        return "unknown", False
+
+
+def _noise(run: Evaluation) -> dict[str, float]:
+    noise = run.data.noise
+    return {
+        axis: float(np.sqrt(np.nanmean(noise[:, k] ** 2)))
+        for k, axis in enumerate(AXES)
+        if not np.isnan(noise[:, k]).all()
+    }
+
+
+def validate(
+    problem: Problem,
+    base: Structure,
+    found: Structure,
+    holdout: Sequence[Recording],
+    tell: Callable[[str], None],
+) -> Validation:
+    """Opens the hold-out.
+
+    Args:
+        problem: the recordings and the criterion.
+        base: the model as given, refitted.
+        found: the model that was chosen.
+        holdout: recordings that took no part.
+        tell: takes a line on what is being done.
+    """
+    setting = problem.setting
+    tell("validating on the hold-out")
+    samples = problem.data.samples
+    judge = make_judge(setting, holdout, setting.noise, samples=samples)
+    own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
+    given = of_its_own(problem, base)
+    final = of_its_own(problem, found) if found.names else given
+    before, train_before = judge.evaluate(given.plant), own.evaluate(given.plant)
+    if not found.names:
+        return Validation(
+            (), given, before, before, train_before, train_before, {}, _scatters(problem, holdout, before)
+        )
+    complete = judge.evaluate(final.plant)
+    criterion = likelihood(complete.data, complete.windows, complete.left)
+    blocks = _blocks(setting, complete)
+    checked, without = [], {}
+    for name in found.names:
+        tell(f"leaving out {name[0]} ({name[1]})")
+        reduced = _refitted(problem, final, base, [name])
+        run = judge.evaluate(reduced.plant)
+        without[name] = run
+        loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
+        checked.append(_checked(name, loss, before, complete, run, reduced, final))
+    events = [c.name for c in checked if c.status == "event"]
+    if events:
+        final = _refitted(problem, final, base, events)
+        complete = judge.evaluate(final.plant)
+    doubtful = [c.name for c in checked if c.status == "suggested"]
+    sure = complete
+    if doubtful:
+        sure = (
+            judge.evaluate(_refitted(problem, final, base, doubtful).plant)
+            if len(doubtful) < len(final.names)
+            else before
+        )
+    return Validation(
+        tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
+        final,
+        before,
+        complete,
+        train_before,
+        own.evaluate(final.plant),
+        _explained(before, sure),
+        _scatters(problem, holdout, before),
+    )
+
+
+def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
+    """What is known of an interrupted search: the recordings beside the model as given and what was found."""
+    own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
+    final = of_its_own(problem, found)
+    before, after = own.evaluate(base.plant), own.evaluate(final.plant)
+    checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
+    return Validation(checked, final, before, after, before, after, {}, {})
+
+
+def _explained(before: Evaluation, after: Evaluation) -> dict[str, float]:
+    """Share of the excess squared error in windows of 1 s that is closed, by channel with an excess."""
+    horizon = _one_second(before)
+    first, last = before.excess(horizon), after.excess(horizon)
+    return {axis: 1.0 - last[axis] / first[axis] for axis in first if first[axis] > 0.0}
+
+
+def _one_second(run: Evaluation) -> float:
+    """The horizon of 1 s, or the nearest that the recordings are long enough for."""
+    return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
+
+
+def _checked(
+    name: Name,
+    loss: NDArray[np.float64],
+    before: Evaluation,
+    complete: Evaluation,
+    run: Evaluation,
+    reduced: Fixed,
+    final: Fixed,
+) -> Checked:
+    total = float(loss.sum())
+    error = float(np.std(loss, ddof=1) * math.sqrt(len(loss))) if len(loss) > 1 else math.inf
+    # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
+    limit = float(student.ppf(_NORMAL_SHARE, max(len(loss) - 1, 1)))
+    horizon = _one_second(before)
+    first, last, back = before.excess(horizon), complete.excess(horizon), run.excess(horizon)
+    shares = [(back[a] - last[a]) / first[a] for a in first if first[a] > 0.0]
+    explained = float(np.mean(shares)) if shares else None
+    if total > limit * error:
+        return Checked(name, "confirmed", explained, total, error)
+    keys = {key.rsplit(".", 1)[1] for key in final.table.names() if key.startswith(f"{name[0]}@{name[1]}.")}
+    once = bool(_ONCE & keys) and total <= 0.0
+    return Checked(name, "event" if once else "suggested", explained, total, error)
+
+
+_NORMAL_SHARE = 0.977250
+"""Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
+
+
+def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
+    """The block of each window of the compared horizons; -1 where it is of none."""
+    period = 0.0
+    if "psi" in setting.axes:
+        period = 2.0 * math.pi * math.sqrt(setting.length / 9.81)
+    out = np.full(len(run.windows.recording), -1)
+    compared = np.isin(run.windows.horizon, _COMPARED)
+    if len(run.data.grids) >= 6:
+        return np.where(compared, run.windows.recording, -1)
+    first = 0
+    for r, grid in enumerate(run.data.grids):
+        end = float(grid.times[-1])
+        count = max(1, int(end / max(CRITERIA.block, 2.0 * period)))
+        own = compared & (run.windows.recording == r) & (~np.isinf(run.windows.horizon) | (count == 1))
+        time = grid.times[np.minimum(run.windows.begin[own], grid.intervals)]
+        out[own] = first + np.minimum((time / end * count).astype(int), count - 1)
+        first += count
+    return out
+
+
+def _by_block(criterion: Likelihood, run: Evaluation, blocks: NDArray[np.int64]) -> NDArray[np.float64]:
+    value = criterion.by_window(run.square).sum(axis=1)
+    return np.array([value[blocks == b].sum() for b in range(int(blocks.max()) + 1)])
+
+
+def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -> dict[float, dict[str, float] | None]:
+    every = make_data([*problem.data.recordings, *holdout], (WHOLE,), problem.setting.noise)
+    return {horizon: scatter(every, horizon) for horizon in run.horizons}
+
+
+# ------------------------------------------------------------------ fits without an effect
+
+
+def of_its_own(problem: Problem, structure: Structure) -> Fixed:
+    """A structure with a program that has nothing of what it lacks."""
+    plant = structure.plant
+    engine = engine_for(problem.setting, problem.data, plant)
+    names = [structure.space.table.entry(int(p)).name for p in structure.point.free]
+    free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
+    vector = np.array(engine.table.ravel(plant), dtype=float)
+    [point] = problem.evaluate(engine, [Start(vector, free, structure.point.states)])
+    return Fixed(plant, structure.names, engine, point)
+
+
+def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name]) -> Fixed:
+    """A model without some of its added effects, fitted again."""
+    effects = tuple(e for e in model.plant.effects if (e.kind, e.site) not in left or is_given(base, (e.kind, e.site)))
+    restored = {site: getattr(base.plant.bridge, site) for kind, site in left if kind == WRONG_VALUE}
+    plant = Plant(dataclasses.replace(model.plant.bridge, **restored), effects)
+    engine = engine_for(problem.setting, problem.data, plant)
+    there = set(engine.table.names())
+    names = [model.table.entry(int(p)).name for p in model.point.free]
+    names = [n for n in names if n in there and n not in restored]
+    free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
+    vector = np.array(engine.table.ravel(plant), dtype=float)
+    starts = [Start(vector, free, model.point.states)]
+    if len(model.names) == len(left):
+        # The model as given stands at its own optimum.
+        starts = [Start(np.array(engine.table.ravel(base.plant), dtype=float), free, base.point.states)]
+    [point] = problem.solve(engine, starts, _REFIT)
+    fitted = engine.table.unravel(point.vector)
+    return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
+
+
+def is_given(base: Structure, name: Name) -> bool:
+    """Whether the model as given has an effect of a kind and site."""
+    return any((e.kind, e.site) == name for e in base.plant.effects)

@@ -1,0 +1,226 @@
+"""How well a fixed model meets recordings: free runs, and windows of several horizons.
+
+The initial state of a window is estimated from the half second before it (that of a recording's first from its own
+first half second), and nothing in the window itself is looked at. So an error says what the model foresees.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import AXES
+from ..model.plant import Plant
+from ..recordings import Recording
+from .data.grid import Grid
+from .data.windows import WHOLE, Data, Tiling, make_data, tiling
+from .estimation import engine_for
+from .likelihood import Index, index, likelihood
+from .problem import Setting
+from .result import Errors
+from .sensitivity import Engine
+from .solver import Start, evaluate, residuals, solve
+
+REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
+"""Horizons of a report [s]."""
+WINDOW = 2.0
+"""Length of the windows whose errors stand beside those of free runs [s]."""
+_BEFORE = 0.5
+"""Time that an initial state is estimated from [s]."""
+_ITERATIONS = 5
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """Errors of one model on some recordings."""
+
+    data: Data
+    windows: Index
+    square: NDArray[np.float64]
+    """Mean square of each window's errors over the noise's variance, by window and channel."""
+    predicted: tuple[NDArray[np.float64], ...]
+    """Free run of each recording, `(sample, 3)`."""
+    left: tuple[NDArray[np.float64], ...]
+    """What each tiling leaves over the noise, `(sample, 3)`."""
+
+    @property
+    def horizons(self) -> tuple[float, ...]:
+        return self.data.horizons
+
+    def of(self, horizon: float) -> NDArray[np.bool_]:
+        """Which windows are of a horizon."""
+        return np.asarray(self.windows.horizon == horizon)
+
+    def noise(self) -> NDArray[np.float64]:
+        """Noise by window and channel [m, rad, m]; 1 where a channel is not measured."""
+        own = self.data.noise[self.windows.recording]
+        return np.where(np.isnan(own), 1.0, own)
+
+    def errors(self, horizon: float) -> dict[str, float]:
+        """Root mean square error by channel [m, rad, m], over all samples."""
+        own, out = self.of(horizon), {}
+        for k, axis in enumerate(AXES):
+            count = self.windows.count[own, k]
+            if count.any():
+                squares = self.square[own, k] * self.noise()[own, k] ** 2
+                out[axis] = float(np.sqrt(np.sum(squares * count) / np.sum(count)))
+        return out
+
+    def typical(self, horizon: float) -> dict[str, float]:
+        """Geometric mean over windows in motion of the error by channel [m, rad, m]."""
+        own, out = self.of(horizon), {}
+        for k, axis in enumerate(AXES):
+            weight = self.windows.motion[own, k]
+            if weight.any():
+                size = np.log(np.maximum(self.square[own, k], 1e-12)) / 2 + np.log(self.noise()[own, k])
+                out[axis] = float(np.exp(np.average(size, weights=weight)))
+        return out
+
+    def excess(self, horizon: float) -> dict[str, float]:
+        """Sum over samples of squared error less noise, by channel [m^2, rad^2, m^2]."""
+        own, out = self.of(horizon), {}
+        for k, axis in enumerate(AXES):
+            count = self.windows.count[own, k]
+            if count.any():
+                variance = self.noise()[own, k] ** 2
+                out[axis] = float(np.sum((self.square[own, k] - 1.0) * variance * count))
+        return out
+
+    def as_errors(self) -> Errors:
+        """Errors of free runs and of windows."""
+        return Errors(self.errors(WHOLE), self.errors(WINDOW))
+
+    def ratios(self, horizon: float) -> dict[str, float]:
+        """Root mean square error over the noise by channel."""
+        own = self.of(horizon)
+        return {
+            axis: float(np.sqrt(np.average(self.square[own, k], weights=self.windows.count[own, k])))
+            for k, axis in enumerate(AXES)
+            if self.windows.count[own, k].any()
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class Judge:
+    """Recordings cut into the windows of a report, with what an evaluation of any model needs."""
+
+    setting: Setting
+    starts: Data
+    """The stretches that initial states are estimated from,"""
+    data: Data
+    """and the windows that begin there, whose errors count after them."""
+
+    def evaluate(self, plant: Plant, engine: Engine | None = None) -> Evaluation:
+        """Errors of a model.
+
+        Args:
+            plant: the model.
+            engine: of that plant on these recordings, if there is one.
+        """
+        if engine is None:
+            engine = self.engine(plant)
+        vector = np.array(engine.table.ravel(plant), dtype=float)
+        return self.at(engine, vector)
+
+    def engine(self, plant: Plant) -> Engine:
+        """Compiled simulations of a plant on these recordings."""
+        return engine_for(self.setting, self.data, plant)
+
+    def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
+        """Errors of a model, by its engine and parameters."""
+        found = index(self.starts)
+        criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
+        begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
+        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS)
+        windows = index(self.data)
+        start = Start(vector, point.free, point.states)
+        counted = likelihood(self.data, windows, [self.data.y[t.recording] for t in self.data.tilings])
+        [run] = evaluate(engine, self.data, windows, counted, [start])
+        left = tuple(residuals(engine, self.data, start))
+        whole = {t.recording: k for k, t in enumerate(self.data.tilings) if math.isinf(t.horizon)}
+        predicted = []
+        for r in range(len(self.data.grids)):
+            noise = np.where(np.isnan(self.data.noise[r]), 1.0, self.data.noise[r])
+            predicted.append(self.data.y[r] + left[whole[r]] * noise)
+        return Evaluation(self.data, windows, run.square, tuple(predicted), left)
+
+
+def make_judge(
+    setting: Setting,
+    recordings: Sequence[Recording],
+    noise: Mapping[str, float] | None = None,
+    horizons: Sequence[float] = REPORTED,
+    samples: int = 0,
+) -> Judge:
+    """Cuts recordings into the windows of a report.
+
+    Args:
+        setting: of the model and all recordings.
+        recordings: measured runs.
+        noise: standard deviation of each channel for all recordings; estimated for each recording by default.
+        horizons: lengths of windows [s].
+        samples: length of the grid at least, so that programs that are compiled for it serve again.
+    """
+    data = make_data(recordings, horizons, noise, samples)
+    starts, runs = [], []
+    for own in data.tilings:
+        g = data.grids[own.recording]
+        for begins, counts, stops in _passes(g, own):
+            until = np.searchsorted(g.times, g.times[begins] + _BEFORE - 1e-9)
+            until = np.minimum(np.maximum(until, begins + 2), stops)
+            first = tiling(g, own.recording, own.horizon, begins, until, data.noise[own.recording])
+            starts.append(first)
+            runs.append(dataclasses.replace(first, stops=stops, count_from=counts))
+    return Judge(setting, data.with_tilings(starts), data.with_tilings(runs))
+
+
+def _passes(g: Grid, own: Tiling) -> list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
+    """Windows that begin half a second early, so many at a time that none reaches into another."""
+    early = np.searchsorted(g.times, g.times[np.minimum(own.begins, g.intervals)] - _BEFORE + 1e-9)
+    rows = np.flatnonzero(g.measured.any(axis=1))
+    early = rows[np.minimum(np.searchsorted(rows, early), len(rows) - 1)]
+    early = np.minimum(early, own.begins)
+    waiting, out = list(range(own.windows)), []
+    while waiting:
+        chosen: list[int] = []
+        for w in waiting:
+            if not chosen or early[w] >= own.stops[chosen[-1]]:
+                chosen.append(w)
+        out.append((early[chosen], own.begins[chosen], own.stops[chosen]))
+        waiting = [w for w in waiting if w not in chosen]
+    return out
+
+
+def scatter(data: Data, horizon: float) -> dict[str, float] | None:
+    """How far runs of one input differ, by channel [m, rad, m]: rms difference over sqrt 2 of windows of one length.
+
+    A window's difference is counted from what the two differ by at its beginning. None where no input was recorded
+    twice.
+    """
+    pairs = [(i, j) for i in range(len(data.grids)) for j in range(i) if _same_input(data.grids[i], data.grids[j])]
+    if not pairs:
+        return None
+    sums, counts = np.zeros(3), np.zeros(3)
+    for i, j in pairs:
+        n = min(data.grids[i].intervals, data.grids[j].intervals) + 1
+        both = data.measured[i, :n] & data.measured[j, :n]
+        apart = np.where(both, data.y[i, :n] - data.y[j, :n], 0.0)
+        length = n if math.isinf(horizon) else max(int(round(horizon / data.period)), 2)
+        for a in range(0, n - length + 1, length):
+            own = apart[a : a + length]
+            seen = both[a : a + length]
+            head = max(min(int(round(0.02 / data.period)), length // 4), 1)
+            begin = own[:head].sum(axis=0) / np.maximum(seen[:head].sum(axis=0), 1)
+            sums += (((own - begin) ** 2) * seen).sum(axis=0)
+            counts += seen.sum(axis=0)
+    return {axis: float(np.sqrt(sums[k] / counts[k] / 2.0)) for k, axis in enumerate(AXES) if counts[k] > 0}
+
+
+def _same_input(a: Grid, b: Grid) -> bool:
+    n = min(len(a.u), len(b.u))
+    if n < 0.9 * max(len(a.u), len(b.u)):
+        return False
+    size = float(np.ptp(a.u[:n]))
+    return size > 0 and float(np.sqrt(np.mean((a.u[:n] - b.u[:n]) ** 2))) < 0.01 * size

@@ -1,0 +1,164 @@
+"""How well recordings determine parameters, and what they do not determine."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.parameters import ParameterTable
+from .estimation import Problem
+from .result import Estimate
+from .sensitivity import Engine
+from .solver import Point, ties
+
+_NORMAL = 1.959964
+_FACTOR, _SHARE = 2.0, 0.0025
+"""What a standard deviation is multiplied by, and the share of the value that is added to it (in quadrature): an engine
+is not a rig, and their difference is not noise. Chosen on concealed cases that another engine played
+(experiments/concealed/calibrate.py), where the plain intervals cover 41 % and these 95 %."""
+_UNTOLD = 1e9
+"""Standard deviation, over the value or one unit, beyond which a number shows in nothing that was recorded."""
+_CLOCK = 0.01
+"""Share of the sampling period that is added to the standard deviation of a time: nobody knows better when a sample was
+taken and when an input acted, and two engines differ by up to this in the delays of the same recordings."""
+
+
+def covariance(problem: Problem, engine: Engine, point: Point) -> NDArray[np.float64]:
+    """Covariance of the free parameters at a fit, initial states eliminated: the criterion's curvature, inverted.
+
+    Its effective numbers of samples account for residuals that are neither as large as the noise nor independent.
+    """
+    [normal] = problem.normal(engine, [point])
+    n = len(point.free)
+    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
+    return inverse_normal(total + ties(engine.table, point.free, np.diag(total)))
+
+
+def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a normal matrix, scaled first; directions that the data do not determine come out large."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-200))
+    scaled = matrix / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
+    return inverse / np.outer(scale, scale)
+
+
+def widened(stds: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviations with what an engine's difference from a rig adds."""
+    return np.hypot(_FACTOR * stds, _SHARE * values)
+
+
+def _untold(std: float, value: float) -> bool:
+    """Whether nothing that was recorded depends on a number: then its standard deviation is rounding."""
+    return bool(std > _UNTOLD * max(abs(value), 1.0))
+
+
+def estimates(
+    table: ParameterTable,
+    vector: NDArray[np.float64],
+    free: NDArray[np.int64],
+    cov: NDArray[np.float64],
+    period: float,
+) -> dict[str, Estimate]:
+    """Every parameter of a table with its 95 % interval; what was not estimated, or told by nothing, has none.
+
+    An entry of a vector that nothing tells of has an infinite standard deviation and what its bounds allow.
+
+    Args:
+        table: of the model.
+        vector: its parameters.
+        free: places of those that were estimated.
+        cov: their covariance.
+        period: sampling period of the recordings [s].
+    """
+    clock = [_CLOCK * period if table.entry(int(place)).unit == "s" else 0.0 for place in free]
+    wide = np.hypot(widened(np.sqrt(np.maximum(np.diag(cov), 0.0)), vector[free]), np.array(clock))
+    stds = {
+        int(place): math.inf if _untold(float(std), float(vector[place])) else float(std)
+        for place, std in zip(free, wide, strict=True)
+    }
+    low_all, high_all = table.bounds()
+    groups: dict[str, list[int]] = {}
+    for entry in table.entries:
+        groups.setdefault(entry.group, table.positions(entry.group))
+    out = {}
+    for group, places in groups.items():
+        info, unit = table.entry(places[0]).info, table.entry(places[0]).unit
+        values = [float(vector[p]) for p in places]
+        spread = [stds.get(p) for p in places]
+        lows = [
+            None if s is None else max(v - _NORMAL * s, low_all[p])
+            for v, s, p in zip(values, spread, places, strict=True)
+        ]
+        highs = [
+            None if s is None else min(v + _NORMAL * s, high_all[p])
+            for v, s, p in zip(values, spread, places, strict=True)
+        ]
+        if info.vector:
+            estimated = any(s is not None for s in spread)
+            # A level that is held as the reference of its neighbours is exact by choice.
+            full = [0.0 if s is None else s for s in spread]
+            out[group] = Estimate(
+                values,
+                full if estimated else None,
+                [v if x is None else x for v, x in zip(values, lows, strict=True)] if estimated else None,
+                [v if x is None else x for v, x in zip(values, highs, strict=True)] if estimated else None,
+                unit,
+            )
+        elif spread[0] == math.inf:
+            out[group] = Estimate(values[0], None, None, None, unit)
+        else:
+            out[group] = Estimate(values[0], spread[0], lows[0], highs[0], unit)
+    return out
+
+
+def warnings(
+    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], cov: NDArray[np.float64]
+) -> list[str]:
+    """What the recordings cannot determine, in sentences."""
+    out = []
+    stds = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    wide = widened(stds, vector[free])
+    low, high = table.bounds()
+    loose: dict[str, list[int]] = {}
+    for i, place in enumerate(free):
+        entry = table.entry(int(place))
+        if wide[i] > 0.5 * max(abs(vector[place]), 1e-9):
+            if entry.info.vector:
+                loose.setdefault(entry.group, []).append(i)
+                continue
+            if _untold(float(wide[i]), float(vector[place])):
+                out.append(f"The recordings say nothing of {entry.name}: it stays at {vector[place]:.3g} {entry.unit}.")
+                continue
+            out.append(
+                f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
+                f"{_NORMAL * wide[i]:.2g}."
+            )
+        elif vector[place] <= low[place] or vector[place] >= high[place]:
+            out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")
+    for group, members in loose.items():
+        count = len(table.positions(group))
+        out.append(
+            f"The recordings hardly determine {len(members)} of the {count} values of {group}: trust their "
+            "shape, not their level."
+        )
+    for i in range(len(free)):
+        for j in range(i):
+            both = stds[i] * stds[j]
+            if (
+                both > 0
+                and abs(cov[i, j]) / both > 0.995
+                and table.entry(int(free[i])).group != table.entry(int(free[j])).group
+                and not (table.entry(int(free[i])).info.vector or table.entry(int(free[j])).info.vector)
+            ):
+                out.append(
+                    f"The recordings hardly tell {table.entry(int(free[j])).name} from "
+                    f"{table.entry(int(free[i])).name}: only a combination of the two is determined."
+                )
+    return out
+
+
+def as_uncertainty(found: Mapping[str, Estimate]) -> dict[str, dict[str, object]]:
+    """Intervals as a model file keeps them."""
+    return {name: {"std": e.std, "low": e.low, "high": e.high} for name, e in found.items() if e.std is not None}

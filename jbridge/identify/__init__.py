@@ -1,1 +1,0 @@
-"""From recordings and a model to parameters with their uncertainty."""

@@ -1,0 +1,73 @@
+"""What a fit is made ready with: recordings that cannot be right are refused, and forces get a scale."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jbridge.errors import InputError
+from jbridge.identification.problem import make_setting, with_a_scale
+from jbridge.model.files import Model
+from tests.identification.cases import DRY, FULL, TIMES, make_recording
+from tests.problems import make_plant
+
+GIVEN = frozenset({
+    "cart_mass", "load_mass", "winch_mass", "gravity", "cart_damping", "swing_damping", "hoist_damping", "cart_gain",
+    "hoist_gain",
+})  # fmt: skip
+KNOWN = frozenset({"cart_mass", "load_mass", "winch_mass", "gravity"})
+MODEL = Model(make_plant(DRY), KNOWN, GIVEN, {}, "")
+
+
+RESTING = 0.5 + 0.2 * np.sin(np.maximum(TIMES - 1.0, 0.0))
+
+
+def recorded(name: str, *left_out: str, **changed: np.ndarray):
+    return make_recording(name, TIMES, **{k: v for k, v in (FULL | changed).items() if k not in left_out})
+
+
+@pytest.mark.parametrize(
+    ("axis", "cause"), [("x", "u_x does"), ("psi", "the cart moves"), ("l", "u_l does")], ids=["x", "psi", "l"]
+)
+def test_a_sensor_that_never_changes_is_refused(axis, cause):
+    dead = recorded("dead.csv", **{axis: np.full(len(TIMES), 0.6)})
+    with pytest.raises(InputError, match=f"dead.csv, column {axis}: it never changes, although {cause}: check"):
+        make_setting(MODEL, [dead], [])
+    # One run in which nothing happens is no dead sensor.
+    make_setting(MODEL, [dead, recorded("alive.csv")], [])
+
+
+def test_a_cart_that_hardly_moves_need_not_swing_its_load():
+    creep = recorded("creep.csv", x=0.5 + 0.01 * np.sin(TIMES), psi=np.zeros(len(TIMES)))
+    make_setting(MODEL, [creep], [])
+
+
+def test_a_hold_out_with_a_part_of_which_no_recording_tells_is_refused():
+    locked = recorded("locked.csv", "u_l", "l")
+    with pytest.raises(InputError, match="wound.csv: a driven hoist, which no other recording has, so hoist_gain"):
+        make_setting(MODEL, [locked], [recorded("wound.csv")])
+    told = dataclasses.replace(MODEL, known=KNOWN | {"hoist_gain", "hoist_damping"})
+    make_setting(told, [locked], [recorded("wound.csv")])
+    make_setting(MODEL, [recorded("wound.csv")], [locked])
+
+
+def test_a_copy_of_a_recording_proves_nothing():
+    with pytest.raises(InputError, match="again.csv: the same samples as run.csv; a proof needs a recording"):
+        make_setting(MODEL, [recorded("run.csv")], [recorded("again.csv")])
+
+
+def test_a_mass_is_held_where_nothing_tells_how_large_forces_are():
+    axes = ("x", "psi", "l")
+    model, told = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), axes)
+    assert model.known == {"gravity", "cart_mass"} and "cart_mass was taken for known" in told
+    pendulum, _ = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), ("psi",))
+    assert pendulum.known == {"gravity", "load_mass"}
+    # What is known of a part that no recording has tells nothing.
+    cart, _ = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"winch_mass", "gravity"})), ("x",))
+    assert "cart_mass" in cart.known
+
+
+@pytest.mark.parametrize("name", ["cart_gain", "load_mass", "coulomb_friction@cart.level"])
+def test_one_known_force_is_scale_enough(name):
+    given = dataclasses.replace(MODEL, known=frozenset({"gravity", name}))
+    assert with_a_scale(given, ("x", "psi", "l")) == (given, None)

@@ -1,0 +1,96 @@
+"""Intervals: directions that are not determined, and what is said of them."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from jbridge._toml import as_value
+from jbridge.identification.uncertainty import as_uncertainty, estimates, inverse_normal, warnings
+from jbridge.model.parameters import ParameterTable
+from tests.problems import make_plant
+
+
+def test_inverse_of_a_badly_scaled_matrix():
+    scale = np.array([1e-6, 1.0, 1e5])
+    root = np.random.default_rng(0).standard_normal((3, 3)) + 2 * np.eye(3)
+    plain = root @ root.T
+    found = inverse_normal(scale[:, None] * plain * scale)
+    np.testing.assert_allclose(scale[:, None] * found * scale, np.linalg.inv(plain), rtol=1e-9)
+
+
+def test_a_direction_without_data_is_wide():
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
+    assert np.diag(inverse_normal(matrix)).min() > 1e6
+
+
+PLANT = make_plant(
+    ("coulomb_friction", "cart", {"level": 3.0}),
+    ("position_dependent_friction", "cart", {"knots": [0.2, 0.6, 1.0], "levels": [0.0, 1.0, 2.0]}),
+)
+TABLE = ParameterTable(PLANT)
+VECTOR = np.array(TABLE.ravel(PLANT))
+
+
+def places(*names):
+    return np.array([place for name in names for place in TABLE.positions(name)])
+
+
+def test_estimates_of_scalars_and_vectors():
+    free = places("cart_gain", "position_dependent_friction@cart.levels[1]", "coulomb_friction@cart.level")
+    found = estimates(TABLE, VECTOR, free, np.diag([0.25, 0.01, 9.0]), 0.005)
+    gain = found["cart_gain"]
+    # Twice the plain deviation, and a quarter of a percent of the value.
+    assert (gain.value, gain.unit) == (16.0, "N/V") and gain.std == pytest.approx(np.hypot(1.0, 0.04), rel=1e-9)
+    assert gain.low == pytest.approx(16 - 1.96 * gain.std, abs=1e-3) and gain.high == pytest.approx(
+        16 + 1.96 * gain.std, abs=1e-3
+    )
+    levels = found["position_dependent_friction@cart.levels"]
+    assert levels.value == [0.0, 1.0, 2.0] and levels.std == pytest.approx([0.0, 0.2, 0.0], abs=1e-4)
+    # An interval ends where physics does.
+    assert found["coulomb_friction@cart.level"].low == 0.0
+    known = found["cart_mass"]
+    assert (known.value, known.std, known.low, known.high) == (5.5, None, None, None)
+
+
+def test_a_level_of_which_nothing_tells_has_an_interval_without_an_end():
+    free = places("position_dependent_friction@cart.levels[1]", "position_dependent_friction@cart.levels[2]")
+    found = estimates(TABLE, VECTOR, free, np.diag([0.01, 1e200]), 0.005)
+    levels = found["position_dependent_friction@cart.levels"]
+    assert levels.std[1] == pytest.approx(0.2, abs=1e-3) and levels.std[2] == np.inf
+    assert (levels.low[2], levels.high[2]) == (0.0, np.inf)
+    kept = as_uncertainty(found)["position_dependent_friction@cart.levels"]
+    assert tomllib.loads(f"high = {as_value(kept['high'])}")["high"] == levels.high
+
+
+def test_a_time_is_known_to_a_hundredth_of_the_sampling_period_at_best():
+    plant = make_plant(("actuator_lag", "cart_drive", {"time_constant": 0.002}))
+    table = ParameterTable(plant)
+    free = np.array(table.positions("actuator_lag@cart_drive.time_constant") + table.positions("cart_gain"))
+    vector = np.array(table.ravel(plant))
+    times, gains = (
+        [estimates(table, vector, free, np.diag([s**2, s**2]), period)[name].std for s in (0.0, 1e-3)]
+        for name, period in (("actuator_lag@cart_drive.time_constant", 0.005), ("cart_gain", 0.005))
+    )
+    assert times == pytest.approx([np.hypot(5e-5, 5e-6), np.hypot(5e-5, np.hypot(2e-3, 5e-6))], rel=1e-9)
+    assert gains == pytest.approx([0.04, np.hypot(2e-3, 0.04)], rel=1e-9)
+
+
+def test_what_is_not_determined_is_said():
+    free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
+    wide = np.array([[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 25.0]])
+    (said,) = warnings(TABLE, VECTOR, free, wide)
+    assert said.startswith("The recordings hardly determine coulomb_friction@cart.level: 3 N")
+    blind = np.diag([1e-4, 1e-4, 1e200])
+    (said,) = warnings(TABLE, VECTOR, free, blind)
+    assert said == "The recordings say nothing of coulomb_friction@cart.level: it stays at 3 N."
+    told = estimates(TABLE, VECTOR, free, blind, 0.01)["coulomb_friction@cart.level"]
+    assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
+    tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
+    (said,) = warnings(TABLE, VECTOR, free, tied)
+    assert "hardly tell cart_gain from cart_damping" in said
+    at_bound = VECTOR.copy()
+    at_bound[free[2]] = 0.0
+    narrow = np.diag([1e-4, 1e-4, 1e-20])
+    (said,) = warnings(TABLE, at_bound, free, narrow)
+    assert said == "coulomb_friction@cart.level ended at its bound of 0 N."
