@@ -24,6 +24,8 @@ _TIES = 1e-6
 """Strength of ties between neighbouring levels of a map over what the recordings say of the level that they tell most
 of: nothing where a place was visited; one that was not takes the level of those beside it (P-splines, Eilers and Marx,
 Statistical Science 11, 1996)."""
+_SHORTER = 0.25
+"""What a window's step is multiplied with after one that it refused."""
 _FAINT, _LOST = 1e-12, 1e12
 """Guards of divisions and products."""
 
@@ -93,6 +95,8 @@ def solve(
     low_all, high_all = engine.table.bounds()
     points = evaluate(engine, data, windows, likelihood, starts)
     damping = np.full(len(starts), _START_DAMPING)
+    # Share of its Gauss-Newton step that each window's initial state takes.
+    pace = np.ones((len(starts), len(windows.tiling)))
     active = np.ones(len(starts), bool)
     for done in range(1, iterations + 1):
         chosen = [int(i) for i in np.flatnonzero(active)]
@@ -110,12 +114,13 @@ def solve(
                 )
                 vector = point.vector.copy()
                 vector[point.free] += step
-                moved = normal.shift + normal.back @ step
+                moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, windows, likelihood, trials)
-            found = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
+            found, refused = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
-            for (i, normal), new in zip(waiting.items(), found, strict=True):
+            for (i, normal), new, no in zip(waiting.items(), found, refused, strict=True):
+                pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
                 gain = points[i].value - new.value
                 if gain > 0:
                     points[i] = dataclasses.replace(new, iterations=done)
@@ -361,15 +366,17 @@ def _kept_where_better(
     likelihood: Likelihood,
     before: Sequence[Point],
     after: Sequence[Point],
-) -> list[Point]:
-    """The points with, for each window, the initial state that meets it better: the moved one, or the former."""
+) -> tuple[list[Point], list[NDArray[np.bool_]]]:
+    """The points with, for each window, the initial state that meets it better: the moved one, or the former; and
+    which windows kept the former."""
     worse = []
+    refused = [np.zeros(len(windows.tiling), bool) for _ in before]
     for i, (old, new) in enumerate(zip(before, after, strict=True)):
         loss = (likelihood.by_window(new.square) - likelihood.by_window(old.square)).sum(axis=1)
         if (loss > 0).any():
             worse.append(i)
     if not worse:
-        return list(after)
+        return list(after), refused
     again = evaluate(
         engine,
         data,
@@ -387,4 +394,5 @@ def _kept_where_better(
         )
         square = np.where(better[:, None], former.square, new.square)
         out[i] = dataclasses.replace(new, states=states, square=square, value=likelihood.value(square))
-    return out
+        refused[i] = better
+    return out, refused
