@@ -19,7 +19,7 @@ from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE, Candidate
 from .criteria import CRITERIA
 from .result import NotSeen
-from .selection import Structure
+from .selection import AmongAll, Structure, seen_among_all
 from .space import Name, is_apart, proposals
 from .words import limit_sentence
 
@@ -37,30 +37,32 @@ def not_seen(problem: Problem, now: Structure, named: Collection[Name] = ()) -> 
         now: the model.
         named: kind and site of what is reported anyway.
     """
-    table, rows, seen = now.space.table, [], set(named) | set(now.names)
+    among = seen_among_all(problem, problem, now)
+    space, there, table = among.space, among.point, among.space.table
+    rows, seen = [], set(named) | set(now.names)
     wanted = []
     for candidate in proposals(problem.setting, now.plant, now.known):
         if candidate.name not in seen and not candidate.finite and not is_apart(candidate.kind):
             seen.add(candidate.name)
             wanted.append(candidate)
-    vector, free = now.point.vector, [int(p) for p in now.point.free]
+    vector, free = there.vector, [int(p) for p in there.free]
     for candidate in wanted:
         vector = candidate.set(table, vector)
         if candidate.harmonic:
             vector[table.positions(candidate.group("amplitude"))] = 1e-6
         free += [int(p) for p in candidate.places(table, candidate.linear) if p not in free]
-    [point] = problem.evaluate(now.space.engine, [Start(vector, np.array(free, np.int64), now.point.states)])
-    [normal] = problem.normal(now.space.engine, [point])
+    [point] = problem.evaluate(space.engine, [Start(vector, np.array(free, np.int64), there.states)])
+    [normal] = problem.normal(space.engine, [point])
     weight = problem.likelihood.weights(point.square)
-    units = ParameterTable(now.space.plant, problem.setting.units)
+    units = ParameterTable(space.plant, problem.setting.units)
     for candidate in wanted:
-        rows.append(_row(problem, now, point, normal, weight, candidate, units))
+        rows.append(_row(problem, among, point, normal, weight, candidate, units))
     return tuple(sorted(rows, key=lambda row: (not row.notable, row.kind, row.site)))
 
 
 def _row(
     problem: Problem,
-    now: Structure,
+    now: AmongAll,
     point: Point,
     normal: Normal,
     weight: NDArray[np.float64],

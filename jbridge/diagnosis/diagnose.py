@@ -14,7 +14,6 @@ from ..identification.estimation import Problem, fit_structure, make_problem
 from ..identification.evaluation import WINDOW, Evaluation, make_judge
 from ..identification.problem import make_setting, resolve, with_a_scale
 from ..identification.result import Errors, Estimate
-from ..identification.solver import Start
 from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
@@ -82,10 +81,8 @@ def diagnose(
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))
     problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
-    space = make_space(problem, fitted.plant, model.known)
-    vector = space.absent.copy()
-    [point] = problem.evaluate(space.engine, [Start(vector, space.base, fitted.point.states)])
-    search = select(problem, base_structure(problem, space, point), tell, deadline)
+    space = make_space(problem, fitted.plant, model.known, shared=False)
+    search = select(problem, base_structure(problem, space, fitted.point), tell, deadline)
     base, found = search.held[0], search.held[-1]
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)
@@ -257,7 +254,7 @@ def _named(search: Search, checked: Checked, values: Mapping[str, Estimate]) -> 
 
 def _rival(search: Search, before: Structure, own: Structure, probability: float) -> Rival:
     [name] = set(own.names) - set(before.names)
-    values, _ = _estimated(search.problem, of_its_own(search.problem, own))
+    values, _ = _estimated(search.problem, of_its_own(own))
     judge = make_judge(
         search.problem.setting,
         search.problem.setting.holdout,

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..identification.estimation import Problem
-from ..identification.problem import free_places
 from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
-from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect
 from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.parameters import ParameterTable
@@ -50,6 +49,7 @@ class Structure:
     """One fitted model of a search."""
 
     space: Space
+    """With a program of its own."""
     names: tuple[Name, ...]
     """What was added, in the order in which it was."""
     keys: dict[Name, tuple[str, ...]]
@@ -69,11 +69,16 @@ class Structure:
 
     @property
     def plant(self) -> Plant:
-        return self.space.plant_of(self.point.vector, self.names)
+        return self.space.table.unravel(self.point.vector)
 
     @property
     def known(self) -> frozenset[str]:
-        return self.space.known - {site for kind, site in self.names if kind == WRONG_VALUE}
+        return self.space.known
+
+    @property
+    def free(self) -> list[str]:
+        """Names of the estimated numbers, entries of lists one by one."""
+        return [self.space.table.entry(int(p)).name for p in self.point.free]
 
     def places(self, name: Name) -> list[int]:
         """Where the free parameters of an added effect stand."""
@@ -92,6 +97,14 @@ class Move:
     start: Start
     absent: NDArray[np.float64] | None = None
     """The parameters at which what is added is absent."""
+
+
+@dataclasses.dataclass(frozen=True)
+class AmongAll:
+    """A fitted model beside all effects that share a program, absent."""
+
+    space: Space
+    point: Point
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,14 +135,16 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
     for number in range(CRITERIA.rounds):
         now = held[-1]
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
-        now = held[-1] = weighed(problem, dataclasses.replace(now, point=problem.revalued(now.point)))
+        # What a larger model gains must not be what more iterations gain.
+        [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
+        now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         added = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {added}")
         left = problem.likelihood.by_window(now.point.square).sum(axis=0)
         if left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)):
             break
         try:
-            found = _round(problem, now, not number, seen, deadline)
+            found = _round(problem, base, now, not number, seen, deadline)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
@@ -138,14 +153,14 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         if time.monotonic() > deadline:
             stopped = "budget"
         if better:
-            best = _among_all(problem, min(better, key=lambda s: s.value))
-            [point] = problem.solve(best.space.engine, [best.point.start], _LAST)
-            held.append(dataclasses.replace(best, point=point))
+            best = min(better, key=lambda s: s.value)
+            held.append(best)
             seen.add(frozenset(best.names))
         if not better or stopped == "budget":
             break
     if stopped != "interrupted":
-        held[-1] = weighed(problem, held[-1])
+        [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
+        held[-1] = weighed(problem, dataclasses.replace(held[-1], point=point))
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
@@ -187,7 +202,7 @@ def _accepts(now: Structure, then: Structure) -> bool:
 
 
 def _round(
-    problem: Problem, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
+    problem: Problem, base: Structure, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
 ) -> list[Structure]:
     """All moves that were worth a fit to all windows, fitted."""
     short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
@@ -195,14 +210,15 @@ def _round(
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
     [there] = part.solve(now.space.engine, [begun], _POLISH)
+    among = seen_among_all(problem, part, dataclasses.replace(now, point=there))
     every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
     names = {c.name for c in every}
     choice = {
         name: math.log(len(names)) + math.log(sum(c.name == name for c in every if not is_apart(c.kind)) or 1)
         for name in names
     }
-    moves = _added(problem, part, now, there, [c for c in every if not is_apart(c.kind)], choice)
-    moves += [*_removals(problem, now), *_simplifications(problem, now)]
+    moves = _added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+    moves += [*_removals(problem, base, now, among), *_simplifications(problem, base, now)]
     apart = [c for c in every if is_apart(c.kind)]
     if first:
         moves += _apart(problem, part, now, there, apart, choice, deadline)
@@ -214,23 +230,21 @@ def _round(
 
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
-    """Moves fitted to all windows, those of one space side by side."""
-    out = []
-    for space in {id(m.space): m.space for m in moves}.values():
+    """Moves fitted to all windows."""
+
+    def fitted(move: Move) -> Structure | None:
         if time.monotonic() > deadline:
-            break
-        own = [m for m in moves if m.space is space]
-        points = problem.solve(space.engine, [m.start for m in own], _POLISH)
-        # What fits short windows may run away in long ones: then the effect grows from its absence, where the model
-        # is as good as the one that it contains.
-        again = [(i, m.absent) for i, m in enumerate(own) if points[i].value > now.point.value]
-        begun = [(i, Start(v, own[i].start.free, now.point.states)) for i, v in again if v is not None]
-        for (i, _), point in zip(begun, problem.solve(space.engine, [s for _, s in begun], _POLISH), strict=True):
-            points[i] = min(points[i], point, key=lambda p: p.value)
-        for move, point in zip(own, points, strict=True):
-            structure = Structure(space, move.names, move.keys, move.choices, point, np.zeros(0), 0.0)
-            out.append(weighed(problem, structure))
-    return out
+            return None
+        [point] = problem.solve(move.space.engine, [move.start], _POLISH)
+        if point.value > now.point.value and move.absent is not None:
+            # What fits short windows may run away in long ones: then the effect grows from its absence, where the
+            # model is as good as the one that it contains.
+            begun = Start(move.absent, move.start.free, now.point.states)
+            point = min(point, *problem.solve(move.space.engine, [begun], _POLISH), key=lambda p: p.value)
+        return weighed(problem, Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), 0.0))
+
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        return [structure for structure in pool.map(fitted, moves) if structure is not None]
 
 
 # ------------------------------------------------------------------ proposals
@@ -240,13 +254,14 @@ def _added(
     problem: Problem,
     part: Problem,
     now: Structure,
-    there: Point,
+    among: AmongAll,
     shared: Sequence[Candidate],
     choice: dict[Name, float],
 ) -> list[Move]:
     """The effects that a linear screen puts first, refitted on the shorter windows; the best of them."""
+    there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
-    for found in sorted(_screened(part, now, there, shared), key=lambda found: found[0]):
+    for found in sorted(_screened(part, among, shared), key=lambda found: found[0]):
         best.setdefault(found[1].name, found)
     ranked = list(best.values())
     chosen = ranked[: CRITERIA.refitted]
@@ -254,42 +269,55 @@ def _added(
         first = next(found for found in ranked if found[1].site == site)
         if all(first[1].name != c.name for _, c, _ in chosen):
             chosen.append(first)
-    fits = part.solve(now.space.engine, [start for _, _, start in chosen], _TRIAL)
+    fits = part.solve(space.engine, [start for _, _, start in chosen], _TRIAL)
     # Where the screen's estimate leads astray, the effect starts from its absence.
     astray = [i for i, point in enumerate(fits) if not point.value < there.value]
-    table = now.space.table
-    begun = [Start(chosen[i][1].set(table, there.vector), chosen[i][2].free, there.states) for i in astray]
-    for i, point in zip(astray, part.solve(now.space.engine, begun, _TRIAL), strict=True):
+    begun = [Start(chosen[i][1].set(space.table, there.vector), chosen[i][2].free, there.states) for i in astray]
+    for i, point in zip(astray, part.solve(space.engine, begun, _TRIAL), strict=True):
         fits[i] = min(fits[i], point, key=lambda p: p.value)
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
-    out = []
-    for (_, candidate, start), point in zip(chosen, fits, strict=True):
-        numbers = min(len(start.free) - len(now.point.free), 2 * len(candidate.free))
-        states = problem.states_with(now.point.states, part, point.states)
-        move = Move(
-            now.space,
-            (*now.names, candidate.name),
-            {**now.keys, candidate.name: candidate.free},
-            {**now.choices, candidate.name: choice[candidate.name]},
-            Start(point.vector, start.free, states),
-            candidate.set(table, now.point.vector),
-        )
-        out.append((point.value + unit * numbers + choice[candidate.name], move))
-    out.sort(key=lambda found: found[0])
-    return [move for _, move in out[: CRITERIA.polished]]
+    order = []
+    for (_, candidate, _), point in zip(chosen, fits, strict=True):
+        numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
+        order.append((point.value + unit * numbers + choice[candidate.name], candidate, point))
+    order.sort(key=lambda found: found[0])
+    return [_with(problem, part, now, among, c, p, choice[c.name]) for _, c, p in order[: CRITERIA.polished]]
 
 
-def _screened(
-    problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]
-) -> list[tuple[float, Candidate, Start]]:
+def _with(
+    problem: Problem, part: Problem, now: Structure, among: AmongAll, added: Candidate, point: Point, choice: float
+) -> Move:
+    """A model with an effect that was fitted to some windows beside all others."""
+    names = (*now.names, added.name)
+    plant = among.space.plant_of(point.vector, names)
+    known = now.known - ({added.site} if added.kind == WRONG_VALUE else set())
+    space = make_space(problem, plant, known, shared=False)
+    # Where it is absent, all else stands as in the model without it.
+    before = among.space.with_values(now.plant)
+    absent = among.space.plant_of(added.set(among.space.table, before), names)
+    free = [among.space.table.entry(int(p)).name for p in point.free]
+    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
+    states = problem.states_with(now.point.states, part, point.states)
+    return Move(
+        space,
+        names,
+        {**now.keys, added.name: added.free},
+        {**now.choices, added.name: choice},
+        Start(space.with_values(plant), places, states),
+        space.with_values(absent),
+    )
+
+
+def _screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[tuple[float, Candidate, Start]]:
     """The criterion that each candidate would reach if windows were quadratic, and parameters and states there.
 
     Candidates that are absent where they start share a simulation: those that are each an effect's first seed, then
     the second ones, and so on. The others have one of their own.
     """
+    there = among.point
     groups: list[list[Candidate]] = []
     seen: dict[Name, int] = {}
-    for candidate in _thinned(problem, now, there, shared):
+    for candidate in _thinned(problem, among, shared):
         if candidate.finite:
             groups.append([candidate])
             continue
@@ -301,7 +329,7 @@ def _screened(
                 break
             place += 1
         groups[place].append(candidate)
-    table = now.space.table
+    table = among.space.table
     starts = []
     for group in groups:
         vector, free = there.vector, [int(p) for p in there.free]
@@ -310,16 +338,16 @@ def _screened(
             if candidate.harmonic:
                 # A small amplitude, so that the phase shows.
                 vector[table.positions(candidate.group("amplitude"))] = 1e-6
-            free += [int(p) for p in _linear_places(now, candidate) if p not in free]
+            free += [int(p) for p in _linear_places(among.space, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), there.states))
-    points = problem.evaluate(now.space.engine, starts)
-    normals = problem.normal(now.space.engine, points)
+    points = problem.evaluate(among.space.engine, starts)
+    normals = problem.normal(among.space.engine, points)
     out = []
     for group, point, normal in zip(groups, points, normals, strict=True):
         for candidate in group:
-            wanted = np.array(list(dict.fromkeys([*there.free, *_linear_places(now, candidate)])), np.int64)
+            wanted = np.array(list(dict.fromkeys([*there.free, *_linear_places(among.space, candidate)])), np.int64)
             columns = [int(np.flatnonzero(point.free == p)[0]) for p in wanted]
-            step, value = linear_optimum(problem, now.space, point, normal, columns)
+            step, value = linear_optimum(problem, among.space, point, normal, columns)
             vector = candidate.set(table, there.vector)
             vector[wanted] = point.vector[wanted] + step
             if candidate.harmonic:
@@ -331,9 +359,9 @@ def _screened(
     return out
 
 
-def _linear_places(now: Structure, candidate: Candidate) -> NDArray[np.int64]:
+def _linear_places(space: Space, candidate: Candidate) -> NDArray[np.int64]:
     """Parameters that do something where a candidate starts."""
-    return candidate.places(now.space.table, None if candidate.finite else candidate.linear)
+    return candidate.places(space.table, None if candidate.finite else candidate.linear)
 
 
 def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64], vector: NDArray[np.float64]) -> None:
@@ -343,7 +371,7 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
     vector[a], vector[p] = math.hypot(sine, cosine), at[p] + math.atan2(cosine, sine)
 
 
-def _thinned(problem: Problem, now: Structure, there: Point, shared: Sequence[Candidate]) -> list[Candidate]:
+def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left."""
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
@@ -351,8 +379,8 @@ def _thinned(problem: Problem, now: Structure, there: Point, shared: Sequence[Ca
     out = [c for own in many.values() if len(own) <= _MOST_STARTS for c in own]
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
-        left = problem.residuals(now.space.engine, there)
-        bridge = now.space.own.bridge
+        left = problem.residuals(among.space.engine, among.point)
+        bridge = among.space.own.bridge
         fade = float(bridge.cart_damping / bridge.cart_mass)
         for own in crowded:
             order = np.argsort(-_regressed(problem, left, own, fade), kind="stable")
@@ -469,59 +497,62 @@ def _square(problem: Problem, products: NDArray[np.float64], step: NDArray[np.fl
 # ------------------------------------------------------------------ other moves
 
 
-def _removals(problem: Problem, now: Structure) -> list[Move]:
+def _removals(problem: Problem, base: Structure, now: Structure, among: AmongAll) -> list[Move]:
     """The added effect left out that a linear look at the windows misses least, if it may pay."""
-    if not now.names:
-        return []
+    beside = among.space.table
+    absent = {name: among.space.absent[beside.positions(name)[0]] for name in beside.names()}
+    absent |= {site: float(getattr(base.plant.bridge, site)) for kind, site in now.names if kind == WRONG_VALUE}
+    # A mechanism has no place from which it is absent, so it is left out by a fit alone.
+    linear = [name for name in now.names if not is_apart(name[0])]
+    if len(linear) < 2:
+        return [_without(problem, base, now, name) for name in now.names]
     [normal] = problem.normal(now.space.engine, [now.point])
     losses = {}
-    for name in now.names:
-        columns = [i for i, p in enumerate(now.point.free) if int(p) not in now.places(name)]
-        gone = [i for i in range(len(now.point.free)) if i not in columns]
+    for name in linear:
+        gone = [i for i, p in enumerate(now.point.free) if int(p) in now.places(name)]
+        columns = [i for i in range(len(now.point.free)) if i not in gone]
         away = np.zeros(len(now.point.free))
-        away[gone] = now.space.absent[now.point.free[gone]] - now.point.vector[now.point.free[gone]]
+        away[gone] = [absent[now.free[i]] - now.point.vector[now.point.free[i]] for i in gone]
         _, losses[name] = linear_optimum(problem, now.space, now.point, normal, columns, away)
-    name = min(losses, key=lambda n: losses[n])
-    return [_without(problem, now, name)]
+    return [_without(problem, base, now, min(losses, key=lambda n: losses[n]))]
 
 
-def _without(problem: Problem, now: Structure, name: Name) -> Move:
-    names = tuple(n for n in now.names if n != name)
-    keys = {n: k for n, k in now.keys.items() if n != name}
-    choices = {n: c for n, c in now.choices.items() if n != name}
-    gone = now.places(name)
-    if not is_apart(name[0]):
-        vector = now.point.vector.copy()
-        vector[gone] = now.space.absent[gone]
-        free = np.array([p for p in now.point.free if p not in gone], np.int64)
-        return Move(now.space, names, keys, choices, Start(vector, free, now.point.states))
-    own = Plant(now.plant.bridge, tuple(e for e in now.space.own.effects if (e.kind, e.site) != name))
-    space = make_space(problem, own, now.space.known)
-    left = [now.space.table.entry(int(p)).name for p in now.point.free if p not in gone]
+def _without(
+    problem: Problem, base: Structure, now: Structure, gone: Name, instead: AbstractEffect | None = None
+) -> Move:
+    """A model without one of its added effects, or with another one in its place."""
+    names = tuple(n for n in now.names if n != gone)
+    keys = {n: k for n, k in now.keys.items() if n != gone}
+    choices = {n: c for n, c in now.choices.items() if n != gone}
+    bridge, known = now.plant.bridge, now.known
+    if gone[0] == WRONG_VALUE:
+        bridge, known = dataclasses.replace(bridge, **{gone[1]: getattr(base.plant.bridge, gone[1])}), known | {gone[1]}
+    given = len(base.plant.effects)
+    effects = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) != gone)
+    left = [now.space.table.entry(int(p)).name for p in now.point.free if int(p) not in now.places(gone)]
+    if instead is not None:
+        new = instead.kind, instead.site
+        effects, names, choices = (*effects, instead), (*names, new), {**choices, new: now.choices[gone]}
+        keys = {**keys, new: _SIMPLER[instead.kind]}
+        left += [f"{instead.kind}@{instead.site}.{key}" for key in _SIMPLER[instead.kind]]
+    plant = Plant(bridge, effects)
+    space = make_space(problem, plant, known, shared=False)
     free = np.array([space.table.positions(entry)[0] for entry in left], np.int64)
-    plant = Plant(now.plant.bridge, tuple(e for e in now.plant.effects if (e.kind, e.site) != name))
     return Move(space, names, keys, choices, Start(space.with_values(plant), free, now.point.states))
 
 
-def _simplifications(problem: Problem, now: Structure) -> list[Move]:
+def _simplifications(problem: Problem, base: Structure, now: Structure) -> list[Move]:
     """Each map of friction replaced by a law of one or two levels."""
     out = []
+    present = {(e.kind, e.site) for e in now.plant.effects}
     for name in now.names:
         if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
             continue
         level = float(np.mean(now.point.vector[now.places(name)]))
-        bare = _without(problem, now, name)
-        present = {(e.kind, e.site) for e in now.plant.effects}
         for kind, keys in _SIMPLER.items():
-            simple = (kind, name[1])
-            if simple in present:
-                continue
-            places = [p for key in keys for p in bare.space.table.positions(f"{kind}@{name[1]}.{key}")]
-            vector = bare.start.vector.copy()
-            vector[places] = level
-            start = Start(vector, np.array([*bare.start.free, *places], np.int64), now.point.states)
-            choices = {**bare.choices, simple: now.choices[name]}
-            out.append(Move(bare.space, (*bare.names, simple), {**bare.keys, simple: keys}, choices, start))
+            if (kind, name[1]) not in present:
+                simple = make_effect(kind, name[1], dict.fromkeys(keys, level))
+                out.append(_without(problem, base, now, name, simple))
     return out
 
 
@@ -538,7 +569,7 @@ def _apart(
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in apart:
         by_name.setdefault(candidate.name, []).append(candidate)
-    plant, known = now.space.plant_of(there.vector, now.names), now.known
+    plant, known = now.space.table.unravel(there.vector), now.known
 
     def tried(name: Name) -> tuple[float, Plant, Candidate, Point] | None:
         seeds = by_name[name]
@@ -552,7 +583,9 @@ def _apart(
         starts = []
         for candidate in seeds:
             vector = candidate.set(space.table, space.absent)
-            starts.append(Start(vector, _freed(space, known, part, candidate), there.states))
+            kept = [space.table.positions(name)[0] for name in now.free]
+            free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
+            starts.append(Start(vector, free, there.states))
         fits = part.solve(space.engine, starts, _TRIAL)
         which = int(np.argmin([p.value for p in fits]))
         return fits[which].value, own, seeds[which], fits[which]
@@ -577,27 +610,15 @@ def _effect(candidate: Candidate) -> AbstractEffect:
     )
 
 
-def _freed(space: Space, known: frozenset[str], problem: Problem, candidate: Candidate) -> NDArray[np.int64]:
-    free = [int(p) for p in free_places(space.table, known, problem.setting)]
-    keys = [key for key, info in parameters_of(CATALOGUE[candidate.kind]).items() if info.fitted]
-    mine = {p for key in keys for p in space.table.positions(f"{candidate.kind}@{candidate.site}.{key}")}
-    wanted = set(map(int, candidate.places(space.table)))
-    return np.array([p for p in free if p not in mine or p in wanted], np.int64)
-
-
-def _among_all(problem: Problem, structure: Structure) -> Structure:
-    """A structure in a space that has every effect of a shared program beside what it consists of."""
-    if structure.space.shared:
-        return structure
-    plant = structure.plant
-    added = [n for n in structure.names if n[0] != WRONG_VALUE and not is_apart(n[0])]
-    own = tuple(e for e in plant.effects if (e.kind, e.site) not in added)
-    known = structure.space.known | {site for kind, site in structure.names if kind == WRONG_VALUE}
-    space = make_space(problem, Plant(plant.bridge, own), known)
-    free = [structure.space.table.entry(int(p)).name for p in structure.point.free]
-    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
-    [point] = problem.evaluate(space.engine, [Start(space.with_values(plant), places, structure.point.states)])
-    return dataclasses.replace(structure, space=space, point=point)
+def seen_among_all(problem: Problem, part: Problem, now: Structure) -> AmongAll:
+    """A model, fitted to a part of the windows, in the program that has all other effects beside it."""
+    added = {n for n in now.names if n[0] != WRONG_VALUE and not is_apart(n[0])}
+    given = len(now.plant.effects) - len([n for n in now.names if n[0] != WRONG_VALUE])
+    own = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) not in added)
+    space = make_space(problem, Plant(now.plant.bridge, own), now.known)
+    places = np.array([space.table.positions(name)[0] for name in now.free], np.int64)
+    [point] = part.evaluate(space.engine, [Start(space.with_values(now.plant), places, now.point.states)])
+    return AmongAll(space, point)
 
 
 # ------------------------------------------------------------------ blocks

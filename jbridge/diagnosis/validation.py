@@ -147,8 +147,8 @@ def validate(
     samples = problem.data.samples
     judge = make_judge(setting, holdout, setting.noise, samples=samples)
     own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
-    given = of_its_own(problem, base)
-    final = of_its_own(problem, found) if found.names else given
+    given = of_its_own(base)
+    final = of_its_own(found) if found.names else given
     before, train_before = judge.evaluate(given.plant), own.evaluate(given.plant)
     if not found.names:
         return Validation(
@@ -192,7 +192,7 @@ def validate(
 def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     """What is known of an interrupted search: the recordings beside the model as given and what was found."""
     own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
-    final = of_its_own(problem, found)
+    final = of_its_own(found)
     before, after = own.evaluate(base.plant), own.evaluate(final.plant)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
     return Validation(checked, final, before, after, before, after, {}, {})
@@ -271,15 +271,9 @@ def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -
 # ------------------------------------------------------------------ fits without an effect
 
 
-def of_its_own(problem: Problem, structure: Structure) -> Fixed:
-    """A structure with a program that has nothing of what it lacks."""
-    plant = structure.plant
-    engine = engine_for(problem.setting, problem.data, plant)
-    names = [structure.space.table.entry(int(p)).name for p in structure.point.free]
-    free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
-    vector = np.array(engine.table.ravel(plant), dtype=float)
-    [point] = problem.evaluate(engine, [Start(vector, free, structure.point.states)])
-    return Fixed(plant, structure.names, engine, point)
+def of_its_own(structure: Structure) -> Fixed:
+    """A structure that no search changes any more."""
+    return Fixed(structure.plant, structure.names, structure.space.engine, structure.point)
 
 
 def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name]) -> Fixed:

@@ -31,8 +31,8 @@ from .data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
-WIDTHS = (6, 12, 24)
-"""Parameter columns that programs are compiled for; more than the last are taken in several calls."""
+FEW, MANY = 12, 24
+"""Parameter columns of a call: of programs of one model, and of one with all effects; more are taken in several."""
 _LANES = 8
 """Simulations of one call."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
@@ -70,14 +70,14 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, widths: tuple[int, ...] = WIDTHS):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, width: int = FEW):
         """Args:
         plant: gives the structure; its values are not kept.
         courses: inputs of the recordings.
         substeps: integration steps in each interval.
-        widths: numbers of parameter columns that programs are compiled for, in rising order.
+        width: number of parameter columns of a call.
         """
-        self._widths = widths
+        self._width = width
         self.table = ParameterTable(plant)
         self.substeps = substeps
         self.count = len(courses)
@@ -100,18 +100,9 @@ class Engine:
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
 
-        def width_of(job: Job) -> int:
-            return next((w for w in self._widths if w >= len(job.free)), self._widths[-1])
-
-        for width in sorted({width_of(job) for job in jobs}):
-            self._of_width([i for i, job in enumerate(jobs) if width_of(job) == width], jobs, width, take)
-
-    def _of_width(
-        self, which: Sequence[int], jobs: Sequence[Job], width: int, take: Callable[[int, Sensitivity], None]
-    ) -> None:
-        """Jobs of one width."""
+        width = self._width
         parts = []
-        for i in which:
+        for i in range(len(jobs)):
             edges = range(0, max(len(jobs[i].free), 1), width)
             parts += [(i, jobs[i].free[a : a + width]) for a in edges]
         pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
