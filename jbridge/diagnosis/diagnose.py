@@ -217,7 +217,7 @@ def parameters_of(
 def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
     """The model that an effect was added to, and all that were tried in its place, the effect's own first."""
     for before, tried in zip(search.held, search.tried, strict=False):
-        adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1]
+        adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
         own = [s for s in adding if name in s.names and name not in before.names]
         if own and any(name in s.names for s in search.held[search.held.index(before) + 1 :][:1]):
             return before, [own[0], *(s for s in adding if s is not own[0])]
@@ -309,7 +309,7 @@ def _trials(search: Search) -> tuple[Mapping[str, object], ...]:
                         "site": name[1],
                         "change": change,
                         "gain": before.point.value - structure.point.value,
-                        "price": structure.price - before.price,
+                        "price": structure.price - before.price if math.isfinite(structure.price) else None,
                         "accepted": taken,
                     }
                 )

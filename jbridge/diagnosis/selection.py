@@ -140,8 +140,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         added = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {added}")
-        left = problem.likelihood.by_window(now.point.square).sum(axis=0)
-        if left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)):
+        if _leaves_nothing(problem, now):
             break
         try:
             found = _round(problem, base, now, not number, seen, deadline)
@@ -192,10 +191,12 @@ def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
 
 
 def _accepts(now: Structure, then: Structure) -> bool:
+    if not then.value < now.value:
+        return False
     gain = now.blocks - then.blocks
     error = float(np.std(gain, ddof=1) * math.sqrt(len(gain))) if len(gain) > 1 else 0.0
     steady = len(then.names) < len(now.names) or float(gain.sum()) > -CRITERIA.veto * error
-    return then.value < now.value and steady
+    return steady
 
 
 # ------------------------------------------------------------------ a round
@@ -219,14 +220,22 @@ def _round(
     }
     moves = _added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
     moves += [*_removals(problem, base, now, among), *_simplifications(problem, base, now)]
-    apart = [c for c in every if is_apart(c.kind)]
-    if first:
-        moves += _apart(problem, part, now, there, apart, choice, deadline)
     found = _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
-    if not first and not any(_accepts(now, s) for s in found):
+    good = sorted((s for s in found if _accepts(now, s)), key=lambda s: s.value)
+    # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
+    # simpler leaves nothing.
+    if not good or (first and not all(_leaves_nothing(problem, s) for s in good[:1])):
+        apart = [c for c in every if is_apart(c.kind)]
         moves = _apart(problem, part, now, there, apart, choice, deadline)
         found += _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
     return found
+
+
+def _leaves_nothing(problem: Problem, structure: Structure) -> bool:
+    """Whether less is left of every channel than one number costs."""
+    own = problem.judged_by(problem.residuals(structure.space.engine, structure.point)).likelihood
+    left = own.by_window(structure.point.square).sum(axis=0)
+    return bool(left.max() < 0.5 * math.log(max(own.total, 2.0)))
 
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
@@ -241,7 +250,9 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadlin
             # model is as good as the one that it contains.
             begun = Start(move.absent, move.start.free, now.point.states)
             point = min(point, *problem.solve(move.space.engine, [begun], _POLISH), key=lambda p: p.value)
-        return weighed(problem, Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), 0.0))
+        structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf)
+        # One that gains nothing needs no price.
+        return weighed(problem, structure) if point.value < now.value else structure
 
     with ThreadPoolExecutor(_AT_ONCE) as pool:
         return [structure for structure in pool.map(fitted, moves) if structure is not None]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..identification.estimation import Problem, engine_for
 from ..identification.problem import Setting, free_places, scene_of
-from ..identification.sensitivity import FEW, MANY, Engine
+from ..identification.sensitivity import Engine
 from ..model.effects.base import AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.effects.friction import PreslidingFriction
@@ -88,7 +88,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
                 first.setdefault(candidate.name, candidate)
         effects = [make_effect(kind, site, _null(candidate)) for (kind, site), candidate in first.items()]
     plant = own.adding(*effects)
-    engine = engine_for(problem.setting, problem.data, plant, MANY if shared else FEW)
+    engine = engine_for(problem.setting, problem.data, plant)
     table = ParameterTable(own)
     base = free_places(table, known, problem.setting)
     places = [engine.table.positions(table.entry(int(p)).name)[0] for p in base]

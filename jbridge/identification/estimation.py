@@ -18,7 +18,7 @@ from ..model.steps import longest_step
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import FEW, Engine
+from .sensitivity import Engine
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -129,7 +129,7 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(setting: Setting, data: Data, plant: Plant, width: int = FEW) -> Engine:
+def engine_for(setting: Setting, data: Data, plant: Plant) -> Engine:
     """Compiled simulations of a plant on recordings."""
     table = ParameterTable(plant)
     own = overrides(table, data.recordings)
@@ -140,7 +140,7 @@ def engine_for(setting: Setting, data: Data, plant: Plant, width: int = FEW) -> 
         for g, override in zip(data.grids, own, strict=True)
     ]
     step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), width)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)))
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:

@@ -170,9 +170,8 @@ def make_judge(
         for begins, counts, stops in _passes(g, own):
             if begins[0] > 0:
                 # What is hidden where the first window begins follows from the simulation of what came before.
-                begins, counts, stops = (
-                    np.insert(part, 0, at) for part, at in ((begins, 0), (counts, begins[0]), (stops, begins[0]))
-                )
+                ahead = int(begins[0])
+                begins, counts, stops = np.r_[0, begins], np.r_[ahead, counts], np.r_[ahead, stops]
             until = np.searchsorted(g.times, g.times[begins] + _BEFORE - 1e-9)
             until = np.minimum(np.maximum(until, begins + 2), stops)
             first = tiling(g, own.recording, own.horizon, begins, until, data.noise[own.recording])

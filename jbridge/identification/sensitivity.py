@@ -9,6 +9,7 @@ coordinate and velocity of a window's beginning. A window's tangents end where t
 columns serve all windows of a recording together. Which parameters are free is data as well.
 """
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,10 +32,10 @@ from .data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
-FEW, MANY = 12, 24
-"""Parameter columns of a call: of programs of one model, and of one with all effects; more are taken in several."""
-_LANES = 8
-"""Simulations of one call."""
+WIDTH = 12
+"""Parameter columns of a call; more are taken in several."""
+_MOST_LANES = 16
+"""Simulations of a call: many share the cost of a step, and fewer are wasted where there are few to do."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 _FAR = 1e3
 _FAST = 1e3
@@ -70,17 +71,17 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, width: int = FEW):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int):
         """Args:
         plant: gives the structure; its values are not kept.
         courses: inputs of the recordings.
         substeps: integration steps in each interval.
-        width: number of parameter columns of a call.
         """
-        self._width = width
         self.table = ParameterTable(plant)
         self.substeps = substeps
         self.count = len(courses)
+        # A recording has a tiling for each horizon.
+        self._lanes = min(_MOST_LANES, 2 ** math.ceil(math.log2(4 * self.count)))
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
 
@@ -100,7 +101,7 @@ class Engine:
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
 
-        width = self._width
+        width = WIDTH
         parts = []
         for i in range(len(jobs)):
             edges = range(0, max(len(jobs[i].free), 1), width)
@@ -127,16 +128,17 @@ class Engine:
         keep: Callable[[int, int, tuple[NDArray[np.float64], ...]], None],
     ) -> None:
         """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order."""
-        calls = [parts[a : a + _LANES] for a in range(0, len(parts), _LANES)]
+        lanes = self._lanes
+        calls = [parts[a : a + lanes] for a in range(0, len(parts), lanes)]
 
         def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
             # A short call repeats its last part: one shape, one program.
-            full = [*own, *([own[-1]] * (_LANES - len(own)))]
+            full = [*own, *([own[-1]] * (lanes - len(own)))]
             size = self.table.size
-            vectors, towards = np.zeros((_LANES, size)), np.zeros((_LANES, width, size))
-            restart = np.zeros((_LANES, self.samples))
-            states = np.zeros((_LANES, self.samples, STATES))
-            which = np.zeros(_LANES, np.int64)
+            vectors, towards = np.zeros((lanes, size)), np.zeros((lanes, width, size))
+            restart = np.zeros((lanes, self.samples))
+            states = np.zeros((lanes, self.samples, STATES))
+            which = np.zeros(lanes, np.int64)
             for k, (i, places) in enumerate(full):
                 job = jobs[i]
                 vectors[k], which[k] = job.vector, job.recording

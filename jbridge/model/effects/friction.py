@@ -59,7 +59,7 @@ class StribeckFriction(AbstractFriction):
     def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
         ratio = v / self.velocity
         # Friction that grows with speed is damping, and is called so.
-        size = self.level + jnp.maximum(self.breakaway - self.level, 0.0) * decay(ratio * ratio)
+        size = self.level + jnp.maximum(self.breakaway - self.level, 0.0) * jnp.exp(-ratio * ratio)
         return size, size
 
     @classmethod
