@@ -44,7 +44,7 @@ _AT_ONCE = 2
 """Programs that are compiled side by side."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Structure:
     """One fitted model of a search."""
 
@@ -222,20 +222,25 @@ def _round(
     moves += [*_removals(problem, base, now, among), *_simplifications(problem, base, now)]
     found = _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
     good = sorted((s for s in found if _accepts(now, s)), key=lambda s: s.value)
+    if good:
+        [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
+        found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
-    if not good or (first and not all(_leaves_nothing(problem, s) for s in good[:1])):
+    if not good or (first and not _leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
-        moves = _apart(problem, part, now, there, apart, choice, deadline)
+        moves = _apart(problem, part.of_some(1), now, apart, choice, deadline)
         found += _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
     return found
 
 
 def _leaves_nothing(problem: Problem, structure: Structure) -> bool:
     """Whether less is left of every channel than one number costs."""
-    own = problem.judged_by(problem.residuals(structure.space.engine, structure.point)).likelihood
-    left = own.by_window(structure.point.square).sum(axis=0)
-    return bool(left.max() < 0.5 * math.log(max(own.total, 2.0)))
+    engine = structure.space.engine
+    problem = problem.judged_by(problem.residuals(engine, structure.point))
+    [point] = problem.solve(engine, [structure.point.start], _POLISH)
+    left = problem.likelihood.by_window(point.square).sum(axis=0)
+    return bool(left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)))
 
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
@@ -571,12 +576,13 @@ def _apart(
     problem: Problem,
     part: Problem,
     now: Structure,
-    there: Point,
     apart: Sequence[Candidate],
     choice: dict[Name, float],
     deadline: float,
 ) -> list[Move]:
-    """The best effect with a program of its own, refitted on the shorter windows beside the model alone."""
+    """The best effect with a program of its own, refitted on some of the shorter windows beside the model alone."""
+    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
+    [there] = part.solve(now.space.engine, [begun], _TRIAL)
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in apart:
         by_name.setdefault(candidate.name, []).append(candidate)

@@ -140,7 +140,7 @@ def engine_for(setting: Setting, data: Data, plant: Plant) -> Engine:
         for g, override in zip(data.grids, own, strict=True)
     ]
     step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)))
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings))
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
@@ -158,7 +158,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
     engine = engine_for(problem.setting, problem.data, plant)
     start = start_of(problem, engine, plant, known)
     horizons = problem.data.horizons
-    for last in range(1, len(horizons) + 1):
+    for last in dict.fromkeys((min(2, len(horizons)), len(horizons))):
         some = horizons[:last]
         part = problem.of_horizons(some)
         begun = Start(start.vector, start.free, problem.states_of(start.states, part))

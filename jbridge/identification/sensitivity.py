@@ -71,17 +71,18 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, jobs: int):
         """Args:
         plant: gives the structure; its values are not kept.
         courses: inputs of the recordings.
         substeps: integration steps in each interval.
+        jobs: simulations that are usually wanted at a time.
         """
         self.table = ParameterTable(plant)
         self.substeps = substeps
         self.count = len(courses)
-        # A recording has a tiling for each horizon.
-        self._lanes = min(_MOST_LANES, 2 ** math.ceil(math.log2(4 * self.count)))
+        # Enough for all processors, few of them in vain.
+        self._lanes = min(_MOST_LANES, 2 ** math.ceil(math.log2(max(jobs / _THREADS, 1.0))))
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
 
@@ -100,24 +101,22 @@ class Engine:
 
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
-
-        width = WIDTH
         parts = []
-        for i in range(len(jobs)):
-            edges = range(0, max(len(jobs[i].free), 1), width)
-            parts += [(i, jobs[i].free[a : a + width]) for a in edges]
+        for i, job in enumerate(jobs):
+            edges = range(0, max(len(job.free), 1), WIDTH)
+            parts += [(i, job.free[a : a + WIDTH]) for a in edges]
         pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
 
         def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
             got = pending.setdefault(i, [])
             got.append((found[0][lane], found[1][lane]))
             wanted = len(jobs[i].free)
-            if len(got) * width >= max(wanted, 1):
-                columns = np.concatenate([tangents[:width] for _, tangents in got])[:wanted]
-                take(i, Sensitivity(got[0][0], np.concatenate([columns, got[0][1][width:]])))
+            if len(got) * WIDTH >= max(wanted, 1):
+                columns = np.concatenate([tangents[:WIDTH] for _, tangents in got])[:wanted]
+                take(i, Sensitivity(got[0][0], np.concatenate([columns, got[0][1][WIDTH:]])))
                 del pending[i]
 
-        self._run(jobs, parts, width, _pushed, keep)
+        self._run(jobs, parts, WIDTH, _pushed, keep)
 
     def _run(
         self,
