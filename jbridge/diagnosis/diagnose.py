@@ -225,13 +225,18 @@ def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[St
 
 
 def _chances(members: Sequence[Structure]) -> np.ndarray:
-    """Share of resamples of the blocks in which each is the best."""
+    """Weight of each by the criterion, the mean over resamples of the blocks.
+
+    Where one is the best by far in every resample, it is the share of resamples in which it is; two that differ by
+    next to nothing have half each.
+    """
     blocks = np.stack([s.blocks for s in members])
     prices = np.array([s.price for s in members])
     rng = np.random.default_rng(0)
     drawn = rng.integers(0, blocks.shape[1], (CRITERIA.bootstrap, blocks.shape[1]))
     values = blocks[:, drawn].sum(axis=2) + prices[:, None]
-    return np.bincount(np.argmin(values, axis=0), minlength=len(members)) / CRITERIA.bootstrap
+    weights = np.exp(values.min(axis=0) - values)
+    return (weights / weights.sum(axis=0)).mean(axis=1)
 
 
 def _named(search: Search, checked: Checked, values: Mapping[str, Estimate]) -> NamedEffect:

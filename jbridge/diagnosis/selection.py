@@ -603,9 +603,9 @@ def _apart(
             kept = [space.table.positions(name)[0] for name in now.free]
             free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
             starts.append(Start(vector, free, there.states))
-        fits = part.solve(space.engine, starts, _TRIAL)
-        which = int(np.argmin([p.value for p in fits]))
-        return fits[which].value, own, seeds[which], fits[which]
+        which = int(np.argmin([p.value for p in part.evaluate(space.engine, starts)]))
+        [fit] = part.solve(space.engine, [starts[which]], _TRIAL)
+        return fit.value, own, seeds[which], fit
 
     with ThreadPoolExecutor(_AT_ONCE) as pool:
         found = [t for t in pool.map(tried, by_name) if t is not None]

@@ -25,7 +25,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
-from .selection import Structure
+from .selection import Structure, blocks_of
 from .space import Name
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
@@ -164,7 +164,8 @@ def validate(
         run = judge.evaluate(reduced.plant)
         without[name] = run
         loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-        checked.append(_checked(name, loss, before, complete, run, reduced, final))
+        inner = _inner_loss(problem, final, reduced)
+        checked.append(_checked(name, loss, inner, before, complete, run, final))
     events = [c.name for c in checked if c.status == "event"]
     if events:
         final = _refitted(problem, final, base, events)
@@ -210,19 +211,29 @@ def _one_second(run: Evaluation) -> float:
     return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
 
 
+def _inner_loss(problem: Problem, final: Fixed, reduced: Fixed) -> NDArray[np.float64]:
+    """The loss without an effect on the recordings that were fitted, by block."""
+    by_window = problem.likelihood.by_window(reduced.point.square) - problem.likelihood.by_window(final.point.square)
+    blocks = blocks_of(problem)
+    return np.array([by_window[blocks == b].sum() for b in range(int(blocks.max()) + 1)])
+
+
 def _checked(
     name: Name,
     loss: NDArray[np.float64],
+    inner: NDArray[np.float64],
     before: Evaluation,
     complete: Evaluation,
     run: Evaluation,
-    reduced: Fixed,
     final: Fixed,
 ) -> Checked:
     total = float(loss.sum())
-    error = float(np.std(loss, ddof=1) * math.sqrt(len(loss))) if len(loss) > 1 else math.inf
+    # A hold-out may have two blocks. How far blocks differ, those of the fitted recordings tell as well.
+    apart = np.concatenate([loss - loss.mean(), inner - inner.mean()])
+    freedom = max(len(apart) - 2, 1)
+    error = float(np.sqrt(np.sum(apart**2) / freedom * len(loss)))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
-    limit = float(student.ppf(_NORMAL_SHARE, max(len(loss) - 1, 1)))
+    limit = float(student.ppf(_NORMAL_SHARE, freedom))
     horizon = _one_second(before)
     first, last, back = before.excess(horizon), complete.excess(horizon), run.excess(horizon)
     shares = [(back[a] - last[a]) / first[a] for a in first if first[a] > 0.0]
