@@ -18,7 +18,7 @@ class Criteria:
     """Standard errors by which a move may lose on blocks that are left out."""
     block: float = 3.0
     """Shortest block of a recording [s] for standard errors, where there are fewer than six recordings."""
-    refitted: int = 6
+    refitted: int = 9
     """Proposals that are refitted in each round; fewer miss what a linear screen underrates, more take time."""
     polished: int = 3
     """Of these, models that are fitted to all windows."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._types import AXES
+from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
 from ..model.effects.base import AXIS_OF_SITE, AbstractEffect
@@ -207,7 +208,8 @@ def _round(
 ) -> list[Structure]:
     """All moves that were worth a fit to all windows, fitted."""
     short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
-    part = problem.of_horizons([short]).of_some(_SOME)
+    # Short windows show forces, whole recordings what adds up.
+    part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
     [there] = part.solve(now.space.engine, [begun], _POLISH)
@@ -281,10 +283,6 @@ def _added(
         best.setdefault(found[1].name, found)
     ranked = list(best.values())
     chosen = ranked[: CRITERIA.refitted]
-    for site in dict.fromkeys(c.site for _, c, _ in ranked):
-        first = next(found for found in ranked if found[1].site == site)
-        if all(first[1].name != c.name for _, c, _ in chosen):
-            chosen.append(first)
     fits = part.solve(space.engine, [start for _, _, start in chosen], _TRIAL)
     # Where the screen's estimate leads astray, the effect starts from its absence.
     astray = [i for i, point in enumerate(fits) if not point.value < there.value]

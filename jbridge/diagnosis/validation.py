@@ -228,10 +228,13 @@ def _checked(
     final: Fixed,
 ) -> Checked:
     total = float(loss.sum())
-    # A hold-out may have two blocks. How far blocks differ, those of the fitted recordings tell as well.
-    apart = np.concatenate([loss - loss.mean(), inner - inner.mean()])
+    # A hold-out may have two blocks. How far blocks differ by their mean, those of the fitted recordings tell as well.
+    alike = float(inner.mean())
+    scale = max(float(loss.mean()), 0.0) / alike if alike > 0.0 else 0.0
+    apart = np.concatenate([loss - loss.mean(), scale * (inner - alike)])
     freedom = max(len(apart) - 2, 1)
-    error = float(np.sqrt(np.sum(apart**2) / freedom * len(loss)))
+    # Noise alone makes a loss of so many nats differ by the root of twice as many.
+    error = max(float(np.sqrt(np.sum(apart**2) / freedom * len(loss))), math.sqrt(2.0 * max(total, 0.0)))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     limit = float(student.ppf(_NORMAL_SHARE, freedom))
     horizon = _one_second(before)

@@ -43,7 +43,7 @@ class Evaluation:
     predicted: tuple[NDArray[np.float64], ...]
     """Free run of each recording, `(sample, 3)`."""
     left: tuple[NDArray[np.float64], ...]
-    """What each tiling leaves over the noise, `(sample, 3)`."""
+    """What each tiling leaves over the noise, `(sample, 3)`; 0 outside of its windows."""
 
     @property
     def horizons(self) -> tuple[float, ...]:
@@ -138,13 +138,22 @@ class Judge:
         start = Start(vector, point.free, point.states)
         counted = likelihood(self.data, windows, [self.data.y[t.recording] for t in self.data.tilings])
         [run] = evaluate(engine, self.data, windows, counted, [start])
-        left = tuple(residuals(engine, self.data, start))
+        every = residuals(engine, self.data, start)
+        left = tuple(_counted(own, t) for own, t in zip(every, self.data.tilings, strict=True))
         whole = {t.recording: k for k, t in enumerate(self.data.tilings) if math.isinf(t.horizon)}
         predicted = []
         for r in range(len(self.data.grids)):
             noise = np.where(np.isnan(self.data.noise[r]), 1.0, self.data.noise[r])
-            predicted.append(self.data.y[r] + left[whole[r]] * noise)
+            predicted.append(self.data.y[r] + every[whole[r]] * noise)
         return Evaluation(self.data, windows, run.square, tuple(predicted), left)
+
+
+def _counted(left: NDArray[np.float64], own: Tiling) -> NDArray[np.float64]:
+    """Residuals of the samples that count."""
+    out = np.zeros_like(left)
+    for begin, stop in zip(own.count_from, own.stops, strict=True):
+        out[begin:stop] = left[begin:stop]
+    return out
 
 
 def make_judge(
