@@ -81,7 +81,7 @@ def test_diagnose_saves_and_says(rig, calls, capsys):
 
 def test_a_diagnosis_goes_on_with_further_recordings(rig, calls, capsys):
     assert main(["diagnose", "model.toml", "a.csv", "b.csv", "--holdout", "c.csv", "--out", "out"]) == 0
-    assert calls["options"] == {"new": (), "former": None}
+    assert calls["options"] == {"new": (), "former": None, "budget": 300.0}
     assert main("diagnose model.toml a.csv b.csv --with d.csv --holdout c.csv --out out".split()) == 0
     assert calls["diagnose"][1:] == (["a.csv", "b.csv"], ["c.csv"])
     assert [recording.name for recording in calls["options"]["new"]] == ["d.csv"]

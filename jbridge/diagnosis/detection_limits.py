@@ -4,14 +4,12 @@ Beside the fitted model, an absent effect's numbers have the standard deviations
 them, with the model's own numbers free. What the bound would do to a simulation tells whether it matters.
 """
 
-import dataclasses
 import math
 from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Normal, Point, Start
 from ..identification.uncertainty import inverse_normal, widened
@@ -39,11 +37,7 @@ def not_seen(problem: Problem, now: Structure, named: Collection[Name] = ()) -> 
         now: the model.
         named: kind and site of what is reported anyway.
     """
-    # Whole recordings tell most of what is small, and stand for all horizons here.
-    problem, every = problem.of_horizons([WHOLE]), problem
-    own = Start(now.point.vector, now.point.free, every.states_of(now.point.states, problem))
-    [point] = problem.evaluate(now.space.engine, [own])
-    among = seen_among_all(every, problem, dataclasses.replace(now, point=point))
+    among = seen_among_all(problem, problem, now)
     space, there, table = among.space, among.point, among.space.table
     rows, seen = [], set(named) | set(now.names)
     wanted = []
@@ -59,7 +53,7 @@ def not_seen(problem: Problem, now: Structure, named: Collection[Name] = ()) -> 
         free += [int(p) for p in candidate.places(table, candidate.linear) if p not in free]
     [point] = problem.evaluate(space.engine, [Start(vector, np.array(free, np.int64), there.states)])
     [normal] = problem.normal(space.engine, [point])
-    weight = problem.likelihood.weights(point.square) * len(every.data.horizons)
+    weight = problem.likelihood.weights(point.square)
     units = ParameterTable(space.plant, problem.setting.units)
     for candidate in wanted:
         rows.append(_row(problem, among, point, normal, weight, candidate, units))

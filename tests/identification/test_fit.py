@@ -165,14 +165,3 @@ def test_recovery_on_another_engine_with_true_stick_slip(monkeypatch):
     # Both engines step in time, and the winch's damping, gain and friction nearly trade: 2.5 % was the worst.
     assert max(off.values()) < 0.05, off
     assert np.median(list(off.values())) < 0.01, off
-
-
-def test_the_engines_own_steps_are_made_up_for(found, monkeypatch):
-    truth = values(TRUTH)
-    monkeypatch.setattr("jbridge.identify.fit.fit_finely", lambda last: last)
-    model = cart_model(DRY, DEAD, cart_damping=50.0, cart_gain=15.0)
-    coarse = fit(scaled(model, WRONG), cart_recordings(TRUTH, 4)[:3])
-    for name in FREE:
-        off, was = (abs(result.estimates[name].value - truth[name]) for result in (found, coarse))
-        assert off < 0.6 * was, name
-    assert found.train.free_run["x"] < coarse.train.free_run["x"]

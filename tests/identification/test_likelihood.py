@@ -24,8 +24,8 @@ def test_effective_number_of_an_autoregressive_process(data, pole):
     residual = np.zeros((data.samples, 3))
     residual[:, 0] = lfilter([1.0], [1.0, -pole], noise)
     found = likelihood(data, index(data), [residual] * len(data.tilings))
-    # N (1 - pole) / (1 + pole) for an infinitely long one; windows cut correlations short and the sum is estimated.
-    assert found.total == pytest.approx(6000 * (1 - pole) / (1 + pole), rel=0.25)
+    # N over the sum of squared correlations, for an infinitely long one; here the sum is estimated.
+    assert found.total == pytest.approx(6000 * (1 - pole**2) / (1 + pole**2), rel=0.25)
 
 
 def test_weights_are_the_gradient(data):
