@@ -118,7 +118,7 @@ def rig(pair, truth, active=CART_ALONE, runs=one_way, noise=10.0, **numbers):
 
 def fit(plant, known, setting, horizons=(1.0, WHOLE)):
     """The recordings with their criterion, and the plant fitted to them."""
-    return fit_structure(make_problem(setting, make_data(setting.recordings, horizons)), plant, known)
+    return fit_structure(make_problem(setting, make_data(setting.recordings, horizons, setting.noise)), plant, known)
 
 
 def contender(kind, site, problem, fitted):
