@@ -19,8 +19,9 @@ from ..model.parameters import ParameterTable
 from .candidates import WRONG_VALUE, Candidate
 from .criteria import CRITERIA
 from .result import NotSeen
-from .selection import AmongAll, Structure, seen_among_all
+from .screening import AmongAll, seen_among_all
 from .space import Name, is_apart, proposals
+from .structure import Structure
 from .words import limit_sentence
 
 _NORMAL = 1.645

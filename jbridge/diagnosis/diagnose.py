@@ -27,9 +27,10 @@ from .detection_limits import not_seen
 from .holdout import split_off
 from .localization import location, repeatable
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
-from .selection import Search, Structure, base_structure, select
+from .selection import Search, select
 from .separate import Contender
 from .space import make_space
+from .structure import Structure, base_structure
 from .validation import Checked, Fixed, Validation, of_its_own, unopened, validate
 from .words import amount, effect_sentence, verdict_sentence
 
@@ -102,8 +103,8 @@ def _told(
     tell: Callable[[str], None],
 ) -> Diagnosis:
     """All that the report tells."""
-    problem, base, found = search.problem, search.held[0], search.held[-1]
-    setting, final, opened = problem.setting, checked.final, search.stopped != "interrupted"
+    problem, found = search.problem, search.held[-1]
+    setting, base, final, opened = problem.setting, checked.given, checked.final, search.stopped != "interrupted"
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
     values, doubts = _estimated(problem, final)

@@ -15,7 +15,7 @@ from scipy.stats import t as student
 from .._types import AXES
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, engine_for
-from ..identification.evaluation import Evaluation, make_judge, scatter
+from ..identification.evaluation import Evaluation, Judge, make_judge, scatter
 from ..identification.likelihood import Likelihood, likelihood
 from ..identification.problem import Setting
 from ..identification.sensitivity import Engine
@@ -25,8 +25,8 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
-from .selection import Structure, blocks_of
 from .space import Name
+from .structure import Structure, blocks_of
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
 """Horizons on which models are compared, those of the criterion."""
@@ -70,6 +70,8 @@ class Validation:
     """The hold-out's answer."""
 
     checked: tuple[Checked, ...]
+    given: Fixed
+    """The model as given, refitted."""
     final: Fixed
     """The model with everything that was named but events."""
     before: Evaluation
@@ -147,12 +149,12 @@ def validate(
     samples = problem.data.samples
     judge = make_judge(setting, holdout, setting.noise, samples=samples)
     own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
-    given = of_its_own(base)
+    given, before = _given(problem, base, judge)
     final = of_its_own(found) if found.names else given
-    before, train_before = judge.evaluate(given.plant), own.evaluate(given.plant)
+    train_before = own.evaluate(given.plant)
     if not found.names:
         return Validation(
-            (), given, before, before, train_before, train_before, {}, _scatters(problem, holdout, before)
+            (), given, given, before, before, train_before, train_before, {}, _scatters(problem, holdout, before)
         )
     complete = judge.evaluate(final.plant)
     criterion = likelihood(complete.data, complete.windows, complete.left)
@@ -180,6 +182,7 @@ def validate(
         )
     return Validation(
         tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
+        given,
         final,
         before,
         complete,
@@ -190,13 +193,27 @@ def validate(
     )
 
 
+def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Evaluation]:
+    """The model as given with the numbers that leave the hold-out's squared error smaller: fitted as all models are, or
+    by least squares, so that nothing is explained that another fit would have closed."""
+    squares = dataclasses.replace(problem, likelihood=problem.likelihood.of_squares())
+    [point] = squares.solve(base.space.engine, [base.point.start], _REFIT)
+    found = []
+    for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
+        run = judge.evaluate(each.plant)
+        ratios = run.ratios(_one_second(run))
+        found.append((sum(r * r for r in ratios.values()), of_its_own(each), run))
+    _, given, before = min(found, key=lambda f: f[0])
+    return given, before
+
+
 def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     """What is known of an interrupted search: the recordings beside the model as given and what was found."""
     own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
     final = of_its_own(found)
     before, after = own.evaluate(base.plant), own.evaluate(final.plant)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
-    return Validation(checked, final, before, after, before, after, {}, {})
+    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
 
 
 def _explained(before: Evaluation, after: Evaluation) -> dict[str, float]:

@@ -26,6 +26,8 @@ from .data.windows import Data
 
 NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
+_FEW = 1e-9
+"""Samples of a window of which the logarithm of its error is as good as linear in the squares."""
 _MOTION = 5.0
 """Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
 
@@ -87,6 +89,10 @@ class Likelihood:
     def value(self, square: NDArray[np.float64]) -> float:
         """`J` without a price."""
         return float(self.by_window(square).sum())
+
+    def of_squares(self) -> "Likelihood":
+        """Least squares on the same windows: half the sum of squares over the noise's variance, less a constant."""
+        return Likelihood(self.count * NU / _FEW, np.full(self.count.shape, _FEW), self.count, self.total)
 
     def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weight of each sample's squared error over the noise's variance, by window and channel.

@@ -19,7 +19,6 @@ from jbridge.diagnosis.separate import (
 )
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.likelihood import NU, Likelihood
 from jbridge.identification.problem import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import make_recording, play, steps
@@ -132,11 +131,9 @@ def contender(kind, site, problem, fitted):
 def squares(plant, known, setting):
     """Least sum of squares over the noise of whole recordings."""
     problem, fitted = fit(plant, known, setting, (WHOLE,))
-    # With hardly a sample in a window, the logarithm of its error is linear in the squares.
-    count, few = problem.windows.count, 1e-9
-    linear = Likelihood(count * NU / few, np.full(count.shape, few), count, 1.0)
-    [point] = dataclasses.replace(problem, likelihood=linear).solve(fitted.engine, [fitted.point.start], 30)
-    return float(np.sum(point.square * count))
+    linear = dataclasses.replace(problem, likelihood=problem.likelihood.of_squares())
+    [point] = linear.solve(fitted.engine, [fitted.point.start], 30)
+    return float(np.sum(point.square * problem.windows.count))
 
 
 def decide(pair, truth, **options):

@@ -43,6 +43,14 @@ def test_weights_are_the_gradient(data):
         assert 0.5 * weights[w, 0] * windows.count[w, 0] == pytest.approx(slope, rel=1e-5)
 
 
+def test_least_squares_are_half_the_sum_of_squares(data):
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings)).of_squares()
+    squares = np.random.default_rng(1).uniform(0.5, 100.0, (2, *windows.count.shape))
+    sums = (squares * windows.count).sum(axis=(1, 2))
+    assert found.value(squares[1]) - found.value(squares[0]) == pytest.approx(0.5 * (sums[1] - sums[0]), rel=1e-5)
+
+
 def test_windows_at_rest_count_for_little():
     times = np.arange(400) * 0.01
     still = make_recording("rest.csv", times, u_x=np.sin(times), x=np.full(400, 0.5))

@@ -1,0 +1,210 @@
+"""Changes of a model: an effect is added, left out, or replaced by a simpler law."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identification.estimation import Problem
+from ..identification.solver import Point, Start
+from ..model.effects.base import AbstractEffect
+from ..model.effects.catalogue import CATALOGUE, make_effect
+from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
+from ..model.plant import Plant
+from .candidates import WRONG_VALUE, Candidate
+from .criteria import CRITERIA
+from .screening import AmongAll, linear_optimum, screened
+from .space import Name, Space, is_apart, make_space
+from .structure import Structure
+
+_TRIAL = 2
+"""Iterations of a first refit."""
+_SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
+"""Laws that stand in a map's place, and what is free of them."""
+AT_ONCE = 2
+"""Programs that are compiled side by side."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Move:
+    """A change of a structure, ready to be refitted."""
+
+    space: Space
+    names: tuple[Name, ...]
+    keys: dict[Name, tuple[str, ...]]
+    choices: dict[Name, float]
+    start: Start
+    absent: NDArray[np.float64] | None = None
+    """The parameters at which what is added is absent."""
+
+
+def added(
+    problem: Problem,
+    part: Problem,
+    now: Structure,
+    among: AmongAll,
+    shared: Sequence[Candidate],
+    choice: dict[Name, float],
+) -> list[Move]:
+    """The effects that a linear screen puts first, refitted on the shorter windows; the best of them."""
+    there, space = among.point, among.space
+    best: dict[Name, tuple[float, Candidate, Start]] = {}
+    for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
+        best.setdefault(found[1].name, found)
+    ranked = list(best.values())
+    chosen = ranked[: CRITERIA.refitted]
+    fits = part.solve(space.engine, [start for _, _, start in chosen], _TRIAL)
+    # Where the screen's estimate leads astray, the effect starts from its absence.
+    astray = [i for i, point in enumerate(fits) if not point.value < there.value]
+    begun = [Start(chosen[i][1].set(space.table, there.vector), chosen[i][2].free, there.states) for i in astray]
+    for i, point in zip(astray, part.solve(space.engine, begun, _TRIAL), strict=True):
+        fits[i] = min(fits[i], point, key=lambda p: p.value)
+    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    order = []
+    for (_, candidate, _), point in zip(chosen, fits, strict=True):
+        numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
+        order.append((point.value + unit * numbers + choice[candidate.name], candidate, point))
+    order.sort(key=lambda found: found[0])
+    return [_with(problem, part, now, among, c, p, choice[c.name]) for _, c, p in order[: CRITERIA.polished]]
+
+
+def _with(
+    problem: Problem, part: Problem, now: Structure, among: AmongAll, added: Candidate, point: Point, choice: float
+) -> Move:
+    """A model with an effect that was fitted to some windows beside all others."""
+    names = (*now.names, added.name)
+    plant = among.space.plant_of(point.vector, names)
+    known = now.known - ({added.site} if added.kind == WRONG_VALUE else set())
+    space = make_space(problem, plant, known, shared=False)
+    # Where it is absent, all else stands as in the model without it.
+    before = among.space.with_values(now.plant)
+    absent = among.space.plant_of(added.set(among.space.table, before), names)
+    free = [among.space.table.entry(int(p)).name for p in point.free]
+    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
+    states = problem.states_with(now.point.states, part, point.states)
+    return Move(
+        space,
+        names,
+        {**now.keys, added.name: added.free},
+        {**now.choices, added.name: choice},
+        Start(space.with_values(plant), places, states),
+        space.with_values(absent),
+    )
+
+
+def removals(problem: Problem, base: Structure, now: Structure, among: AmongAll) -> list[Move]:
+    """The added effect left out that a linear look at the windows misses least, if it may pay."""
+    beside = among.space.table
+    absent = {name: among.space.absent[beside.positions(name)[0]] for name in beside.names()}
+    absent |= {site: float(getattr(base.plant.bridge, site)) for kind, site in now.names if kind == WRONG_VALUE}
+    # A mechanism has no place from which it is absent, so it is left out by a fit alone.
+    linear = [name for name in now.names if not is_apart(name[0])]
+    if len(linear) < 2:
+        return [_without(problem, base, now, name) for name in now.names]
+    [normal] = problem.normal(now.space.engine, [now.point])
+    losses = {}
+    for name in linear:
+        gone = [i for i, p in enumerate(now.point.free) if int(p) in now.places(name)]
+        columns = [i for i in range(len(now.point.free)) if i not in gone]
+        away = np.zeros(len(now.point.free))
+        away[gone] = [absent[now.free[i]] - now.point.vector[now.point.free[i]] for i in gone]
+        _, losses[name] = linear_optimum(problem, now.space, now.point, normal, columns, away)
+    return [_without(problem, base, now, min(losses, key=lambda n: losses[n]))]
+
+
+def _without(
+    problem: Problem, base: Structure, now: Structure, gone: Name, instead: AbstractEffect | None = None
+) -> Move:
+    """A model without one of its added effects, or with another one in its place."""
+    names = tuple(n for n in now.names if n != gone)
+    keys = {n: k for n, k in now.keys.items() if n != gone}
+    choices = {n: c for n, c in now.choices.items() if n != gone}
+    bridge, known = now.plant.bridge, now.known
+    if gone[0] == WRONG_VALUE:
+        bridge, known = dataclasses.replace(bridge, **{gone[1]: getattr(base.plant.bridge, gone[1])}), known | {gone[1]}
+    given = len(base.plant.effects)
+    effects = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) != gone)
+    left = [now.space.table.entry(int(p)).name for p in now.point.free if int(p) not in now.places(gone)]
+    if instead is not None:
+        new = instead.kind, instead.site
+        effects, names, choices = (*effects, instead), (*names, new), {**choices, new: now.choices[gone]}
+        keys = {**keys, new: _SIMPLER[instead.kind]}
+        left += [f"{instead.kind}@{instead.site}.{key}" for key in _SIMPLER[instead.kind]]
+    plant = Plant(bridge, effects)
+    space = make_space(problem, plant, known, shared=False)
+    free = np.array([space.table.positions(entry)[0] for entry in left], np.int64)
+    return Move(space, names, keys, choices, Start(space.with_values(plant), free, now.point.states))
+
+
+def simplifications(problem: Problem, base: Structure, now: Structure) -> list[Move]:
+    """Each map of friction replaced by a law of one or two levels."""
+    out = []
+    present = {(e.kind, e.site) for e in now.plant.effects}
+    for name in now.names:
+        if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
+            continue
+        level = float(np.mean(now.point.vector[now.places(name)]))
+        for kind, keys in _SIMPLER.items():
+            if (kind, name[1]) not in present:
+                simple = make_effect(kind, name[1], dict.fromkeys(keys, level))
+                out.append(_without(problem, base, now, name, simple))
+    return out
+
+
+def with_a_mechanism(
+    problem: Problem,
+    part: Problem,
+    now: Structure,
+    apart: Sequence[Candidate],
+    choice: dict[Name, float],
+    deadline: float,
+) -> list[Move]:
+    """The best effect with a program of its own, refitted on some of the shorter windows beside the model alone."""
+    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
+    [there] = part.solve(now.space.engine, [begun], _TRIAL)
+    by_name: dict[Name, list[Candidate]] = {}
+    for candidate in apart:
+        by_name.setdefault(candidate.name, []).append(candidate)
+    plant, known = now.space.table.unravel(there.vector), now.known
+
+    def tried(name: Name) -> tuple[float, Plant, Candidate, Point] | None:
+        seeds = by_name[name]
+        if time.monotonic() > deadline:
+            return None
+        own = plant.adding(_effect(seeds[0]))
+        try:
+            space = make_space(part, own, known, shared=False)
+        except ValueError:
+            return None
+        starts = []
+        for candidate in seeds:
+            vector = candidate.set(space.table, space.absent)
+            kept = [space.table.positions(name)[0] for name in now.free]
+            free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
+            starts.append(Start(vector, free, there.states))
+        which = int(np.argmin([p.value for p in part.evaluate(space.engine, starts)]))
+        [fit] = part.solve(space.engine, [starts[which]], _TRIAL)
+        return fit.value, own, seeds[which], fit
+
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        found = [t for t in pool.map(tried, by_name) if t is not None]
+    if not found:
+        return []
+    _, own, candidate, point = min(found, key=lambda t: t[0])
+    space = make_space(problem, own, known, shared=False)
+    keys, choices = (
+        {**now.keys, candidate.name: candidate.free},
+        {**now.choices, candidate.name: choice[candidate.name]},
+    )
+    states = problem.states_with(now.point.states, part, point.states)
+    return [Move(space, (*now.names, candidate.name), keys, choices, Start(point.vector, point.free, states))]
+
+
+def _effect(candidate: Candidate) -> AbstractEffect:
+    return make_effect(
+        candidate.kind, candidate.site, {key: v for key, v in candidate.values.items() if key != "coulomb"}
+    )

@@ -1,0 +1,155 @@
+"""Fitted models that are compared: what was added, what it costs, and the criterion by block."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identification.estimation import Problem
+from ..identification.solver import Normal, Point, bounded_step, ties
+from ..model.plant import Plant
+from .candidates import WRONG_VALUE
+from .criteria import CRITERIA
+from .space import Name, Space
+
+_SETTLED = 3
+"""Iterations by the criterion that a model's own residuals give."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Structure:
+    """One fitted model of a search."""
+
+    space: Space
+    """With a program of its own."""
+    names: tuple[Name, ...]
+    """What was added, in the order in which it was."""
+    keys: dict[Name, tuple[str, ...]]
+    """Keys that are free of each."""
+    choices: dict[Name, float]
+    """Logarithm of the number of alternatives among which each was chosen."""
+    point: Point
+    blocks: NDArray[np.float64]
+    """The criterion by block, each left out in turn."""
+    price: float
+    """What its numbers and the choices behind it must gain."""
+
+    @property
+    def value(self) -> float:
+        """The criterion with its price."""
+        return self.point.value + self.price
+
+    @property
+    def plant(self) -> Plant:
+        return self.space.table.unravel(self.point.vector)
+
+    @property
+    def known(self) -> frozenset[str]:
+        return self.space.known
+
+    @property
+    def free(self) -> list[str]:
+        """Names of the estimated numbers, entries of lists one by one."""
+        return [self.space.table.entry(int(p)).name for p in self.point.free]
+
+    def places(self, name: Name) -> list[int]:
+        """Where the free parameters of an added effect stand."""
+        groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in self.keys[name]]
+        return [p for group in groups for p in self.space.table.positions(group)]
+
+
+def base_structure(problem: Problem, space: Space, point: Point) -> Structure:
+    """A structure with nothing added, from its fitted point."""
+    return weighed(problem, Structure(space, (), {}, {}, point, np.zeros(0), 0.0))
+
+
+def weighed(problem: Problem, structure: Structure) -> Structure:
+    """A structure with its price, and its criterion by block."""
+    space, point = structure.space, structure.point
+    [normal] = problem.normal(space.engine, [point])
+    numbers = _numbers(problem, structure, normal)
+    price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
+    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal))
+
+
+def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
+    """Added numbers; those of a map by its effective degrees of freedom: no place counts that is not visited."""
+    free, n = structure.point.free, len(structure.point.free)
+    added = [int(np.flatnonzero(free == p)[0]) for name in structure.names for p in structure.places(name)]
+    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(structure.point.square), normal.products)[:n, :n]
+    tied = ties(structure.space.table, free, np.diag(total))
+    levels = {int(i) for members in structure.space.table.vectors(free) for i in members}
+    unit = np.sqrt(np.maximum(np.diag(total + tied), 1e-150))
+    scaled = (total + tied) / np.outer(unit, unit) + 1e-12 * np.eye(n)
+    share = np.diag(np.linalg.solve(scaled, total / np.outer(unit, unit)))
+    return float(sum(np.clip(share[i], 0.0, 1.0) if i in levels else 1.0 for i in added))
+
+
+def accepts(now: Structure, then: Structure) -> bool:
+    if not then.value < now.value:
+        return False
+    gain = now.blocks - then.blocks
+    error = float(np.std(gain, ddof=1) * math.sqrt(len(gain))) if len(gain) > 1 else 0.0
+    steady = len(then.names) < len(now.names) or float(gain.sum()) > -CRITERIA.veto * error
+    return steady
+
+
+def leaves_nothing(problem: Problem, structure: Structure) -> bool:
+    """Whether less is left of every channel than one number costs."""
+    engine = structure.space.engine
+    problem = problem.judged_by(problem.residuals(engine, structure.point))
+    [point] = problem.solve(engine, [structure.point.start], _SETTLED)
+    left = problem.likelihood.by_window(point.square).sum(axis=0)
+    return bool(left.max() < 0.5 * math.log(max(problem.likelihood.total, 2.0)))
+
+
+def blocks_of(problem: Problem) -> NDArray[np.int64]:
+    """The block of each window: its recording where there are six, else a stretch of it; -1 where it spans several."""
+    windows, data = problem.windows, problem.data
+    if len(data.grids) >= 6:
+        return windows.recording.copy()
+    length = max(CRITERIA.block, 2.0 * _swing_period(problem))
+    out = np.full(len(windows.recording), -1)
+    first = 0
+    for r, grid in enumerate(data.grids):
+        count = max(1, int(grid.times[-1] / length))
+        own = windows.recording == r
+        time = grid.times[np.minimum(windows.begin[own], grid.intervals)]
+        whole = np.isinf(windows.horizon[own])
+        out[own] = np.where(whole, -1, first + np.minimum((time / grid.times[-1] * count).astype(int), count - 1))
+        first += count
+    return out
+
+
+def _swing_period(problem: Problem) -> float:
+    if "psi" not in problem.setting.axes:
+        return 0.0
+    return 2.0 * math.pi * math.sqrt(problem.setting.length / 9.81)
+
+
+def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
+    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit."""
+    blocks = blocks_of(problem)
+    weight = problem.likelihood.weights(point.square)
+    n = len(point.free)
+    each = np.einsum("wc,wcij->wij", weight, normal.products)
+    total = each.sum(axis=0)
+    tied = ties(space.table, point.free, np.diag(total)[:n])
+    low, high = space.table.bounds()
+    at = point.vector[point.free]
+    out = []
+    for block in range(int(blocks.max()) + 1):
+        own = blocks == block
+        rest = total - each[own].sum(axis=0)
+        gradient = rest[:n, n] + tied @ at
+        step = bounded_step(rest[:n, :n] + tied, gradient, low[point.free] - at, high[point.free] - at, 1e-6)
+        square = squares(problem, normal.products, step)
+        out.append(float(problem.likelihood.by_window(square)[own].sum()))
+    return np.array(out)
+
+
+def squares(problem: Problem, products: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    along = np.append(step, 1.0)
+    total = np.einsum("wcij,i,j->wc", products, along, along)
+    return np.maximum(total, 0.0) / np.maximum(problem.likelihood.count, 1.0)
