@@ -139,6 +139,7 @@ def test_nothing_to_draw_is_no_picture():
     empty = dataclasses.replace(
         cases.adequate(),
         traces=(),
+        horizons=(),
         holdout_before=dataclasses.replace(cases.adequate().holdout_before, free_run={}, window={}),
     )
     assert diagnosis_gallery(empty).all() == ()

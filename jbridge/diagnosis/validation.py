@@ -47,8 +47,8 @@ class Checked:
     """Share of the hold-out's excess squared error that comes back without it; None where there is none."""
     loss: float
     """Of the criterion on the hold-out without it [nat],"""
-    error: float
-    """and its standard error over blocks."""
+    steady: float
+    """and the mean over blocks of its signed root, over the standard error."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -245,24 +245,26 @@ def _checked(
     final: Fixed,
 ) -> Checked:
     total = float(loss.sum())
+    # The signed root of a likelihood ratio grows with the effect, and noise gives it a variance of 1. So blocks that
+    # excite an effect little do not speak against it, as they would by their bare losses.
+    outer, inner = (np.sign(part) * np.sqrt(2.0 * np.abs(part)) for part in (loss, inner))
+    mean, alike = float(outer.mean()), float(inner.mean())
     # A hold-out may have two blocks. How far blocks differ by their mean, those of the fitted recordings tell as well.
-    alike = float(inner.mean())
-    scale = max(float(loss.mean()), 0.0) / alike if alike > 0.0 else 0.0
-    apart = np.concatenate([loss - loss.mean(), scale * (inner - alike)])
+    scale = max(mean, 0.0) / alike if alike > 0.0 else 0.0
+    apart = np.concatenate([outer - mean, scale * (inner - alike)])
     freedom = max(len(apart) - 2, 1)
-    # Noise alone makes a loss of so many nats differ by the root of twice as many.
-    error = max(float(np.sqrt(np.sum(apart**2) / freedom * len(loss))), math.sqrt(2.0 * max(total, 0.0)))
+    error = max(float(np.sqrt(np.sum(apart**2) / freedom)), 1.0) / math.sqrt(len(outer))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     limit = float(student.ppf(_NORMAL_SHARE, freedom))
     horizon = _one_second(before)
     first, last, back = before.excess(horizon), complete.excess(horizon), run.excess(horizon)
     shares = [(back[a] - last[a]) / first[a] for a in first if first[a] > 0.0]
     explained = float(np.mean(shares)) if shares else None
-    if total > limit * error:
-        return Checked(name, "confirmed", explained, total, error)
+    if mean > limit * error:
+        return Checked(name, "confirmed", explained, total, mean / error)
     keys = {key.rsplit(".", 1)[1] for key in final.table.names() if key.startswith(f"{name[0]}@{name[1]}.")}
     once = bool(_ONCE & keys) and total <= 0.0
-    return Checked(name, "event" if once else "suggested", explained, total, error)
+    return Checked(name, "event" if once else "suggested", explained, total, mean / error)
 
 
 _NORMAL_SHARE = 0.977250
