@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import FigureBase
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...diagnosis.result import Horizon
 from ..quantities import scale_for
@@ -45,6 +45,13 @@ def draw_horizons(
                 panel.plot(seconds, scale.factor * np.array(spread), ":", color="#606060", label="scatter of repeats")
             panel.set_xscale("log")
             panel.set_yscale("log")
+            # A panel spans a decade at least: small differences look small.
+            low, high = panel.get_ylim()
+            room = max(np.sqrt(10.0 / (high / low)), 1.0)
+            panel.set_ylim(low / room, high * room)
+            panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            panel.yaxis.set_minor_formatter(NullFormatter())
             panel.set_xticks(seconds, [f"{s:g}" for s in seconds])
             panel.xaxis.set_minor_formatter(NullFormatter())
             panel.set_xlabel("horizon [s]")
