@@ -148,11 +148,10 @@ def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> fl
     pairs = np.maximum(_autocorrelation(measured.astype(float), size), 1.0)
     if total[0] <= 0.0:
         return 1.0
-    # An estimated correlation has a variance of its own, `(1 + 2 sum) / pairs` (Bartlett, Supplement to the Journal of
-    # the Royal Statistical Society 8, 1946), which adds to the sum of squares.
-    own = float(np.sum(pairs[lags])) / pairs[0] ** 2
-    squares = (float(np.sum((total[lags] / total[0]) ** 2)) - own) / (1.0 + 2.0 * own)
-    return 1.0 / (1.0 + 2.0 * max(squares, 0.0))
+    # The square of a correlation that is none is 1/pairs on average. What is correlated adds more than that at far
+    # lags, which is not told from an error that comes back: the number is rather too small than too large.
+    squares = (total[lags] / total[0]) ** 2 - pairs[lags] / pairs[0] ** 2
+    return float(1.0 / (1.0 + 2.0 * max(float(squares.sum()), 0.0)))
 
 
 def _autocorrelation(values: NDArray[np.float64], size: int) -> NDArray[np.float64]:
