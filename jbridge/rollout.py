@@ -345,29 +345,6 @@ def advance(
     return jax.lax.scan(step, carry, steps)[0]
 
 
-def kicked(plant: Plant, carry: Motions, now: Interval, active: Axes, impulse: Axes) -> Motions:
-    """The motion right after impulses of the inputs [input unit times s] at an interval's beginning."""
-    go = now.number < 2**30
-    constants = plant.time_constants()
-    at_once = jnp.zeros_like(now.h[0])
-    impulse = impulse._replace(l=impulse.l * plant.drum_gain(carry.q.l))
-    held = Axes(*(jnp.where(c > 0, s, g[0]) for c, s, g in zip(constants, carry.lag, now.mean, strict=True)))
-    more = Axes(*(h + jnp.where(c > 0, 0.0, i) for c, h, i in zip(constants, held, impulse, strict=True)))
-    before, after = (
-        _acceleration(plant, now.t[0], carry.q, carry.v, volts, carry.z, active, (carry.q, carry.v), at_once, go)
-        for volts in (held, more)
-    )
-    # A lag takes the impulse up first.
-    lag = Axes(
-        *(
-            s + jnp.where(c > 0, i / jnp.where(c > 0, c, 1.0), 0.0)
-            for c, s, i in zip(constants, carry.lag, impulse, strict=True)
-        )
-    )
-    v = jax.tree.map(lambda v, a, b: v + (a - b), carry.v, after, before)
-    return carry._replace(v=v, lag=lag)
-
-
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:
     """What the encoders report of a rollout: `x`, `psi`, `l` at every sample [m, rad, m], without noise or rounding."""
     return read(plant, sample_times(lane.start, lane.dt), motions.q, motions.v)

@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identification.problem import Setting
-from ..model.effects.base import AXIS_OF_SITE, SITES, AbstractMechanism, Scene, Seed, options_of
-from ..model.effects.catalogue import CATALOGUE, UNNAMED
-from ..model.effects.friction import PreslidingFriction
+from ..model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed, options_of
+from ..model.effects.catalogue import CATALOGUE
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 
 WRONG_VALUE = "wrong_value"
 """The kind of the commonest cause of all: a known number that is wrong. Its site is the parameter's name."""
-ABSENT_WHEN_LARGE = ("stiffness", "limit")
-"""Parameters that leave an effect out when they grow."""
 SITE_OF_NUMBER = {
     "cart_mass": "cart", "cart_damping": "cart", "cart_gain": "cart_drive",
     "load_mass": "swing", "swing_damping": "swing",
@@ -59,11 +56,6 @@ class Candidate:
         """Keys that say how large it is; not when, where or how fast."""
         return tuple(key for key in self.free if key not in _ELSEWISE)
 
-    @property
-    def unscreened(self) -> bool:
-        """Whether a hidden state makes it too different from its absence for a linear screen."""
-        return has_hidden_state(self.kind)
-
     def group(self, key: str) -> str:
         """The parameter's name in a table."""
         return self.site if self.kind == WRONG_VALUE else f"{self.kind}@{self.site}.{key}"
@@ -91,15 +83,7 @@ class Candidate:
         return vector
 
 
-def has_hidden_state(kind: str) -> bool:
-    """Whether an effect has a state of its own that no linear screen can follow."""
-    cls = CATALOGUE.get(kind)
-    return cls is not None and issubclass(cls, AbstractMechanism | PreslidingFriction)
-
-
-def candidates(
-    plant: Plant, known: Iterable[str], setting: Setting, scene: Scene, *, one_seed: bool = False
-) -> list[Candidate]:
+def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scene) -> list[Candidate]:
     """All candidates that the plant does not have yet and that the recordings have the parts for.
 
     Args:
@@ -107,7 +91,6 @@ def candidates(
         known: parameters that are not estimated.
         setting: recordings and noise.
         scene: what seeds go by.
-        one_seed: whether every effect starts from one place alone for each choice of its options, the middle one.
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
     train = plant.drive_train
@@ -118,34 +101,11 @@ def candidates(
                 continue
             if train is not None and kind in ("belt_compliance", "backlash"):
                 continue
-            seeds = list(cls.seeds(site, scene))
-            if one_seed:
-                seeds = _one_of_each(seeds)
-            found += [_candidate(kind, site, seed) for seed in seeds]
+            found += [_candidate(kind, site, seed) for seed in cls.seeds(site, scene)]
     for number, site in SITE_OF_NUMBER.items():
         if number in known and AXIS_OF_SITE[site] in setting.axes:
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))
     return found
-
-
-def _one_of_each(seeds: Sequence[Seed]) -> list[Seed]:
-    """The middle one of the seeds of each choice of options, such as the end of the rail at which a stop stands."""
-    by_choice: dict[tuple, list[Seed]] = {}
-    for seed in seeds:
-        choice = tuple(sorted((key, value) for key, value in seed.values.items() if isinstance(value, str)))
-        by_choice.setdefault(choice, []).append(seed)
-    return [same[len(same) // 2] for same in by_choice.values()]
-
-
-def unnamed_forces(setting: Setting, scene: Scene) -> list[Candidate]:
-    """The forces without a name, on every axis that moves."""
-    return [
-        _candidate(kind, site, seed)
-        for kind, cls in UNNAMED.items()
-        for site in cls.sites
-        if AXIS_OF_SITE[site] in setting.axes
-        for seed in cls.seeds(site, scene)
-    ]
 
 
 def _candidate(kind: str, site: str, seed: Seed) -> Candidate:

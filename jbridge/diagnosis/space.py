@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identification.estimation import Problem, engine_for
-from ..identification.problem import Setting, free_places, scene_of
+from ..identification.problem import Setting, scene_of
 from ..identification.sensitivity import Engine
 from ..model.effects.base import AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
@@ -42,10 +42,6 @@ class Space:
     known: frozenset[str]
     engine: Engine
     absent: NDArray[np.float64]
-    base: NDArray[np.int64]
-    """Places of the free parameters of `own`."""
-    shared: bool
-    """Whether effects that may be added stand in it."""
 
     @property
     def table(self) -> ParameterTable:
@@ -89,11 +85,8 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
         effects = [make_effect(kind, site, _null(candidate)) for (kind, site), candidate in first.items()]
     plant = own.adding(*effects)
     engine = engine_for(problem.setting, problem.data, plant)
-    table = ParameterTable(own)
-    base = free_places(table, known, problem.setting)
-    places = [engine.table.positions(table.entry(int(p)).name)[0] for p in base]
     absent = np.array(engine.table.ravel(plant), dtype=float)
-    return Space(plant, own, known, engine, absent, np.array(places, np.int64), shared)
+    return Space(plant, own, known, engine, absent)
 
 
 def _null(candidate: Candidate) -> Mapping[str, object]:

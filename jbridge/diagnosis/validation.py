@@ -159,12 +159,11 @@ def validate(
     complete = judge.evaluate(final.plant)
     criterion = likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
-    checked, without = [], {}
+    checked = []
     for name in found.names:
         tell(f"leaving out {name[0]} ({name[1]})")
         reduced = _refitted(problem, final, base, [name])
         run = judge.evaluate(reduced.plant)
-        without[name] = run
         loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
         inner = _inner_loss(problem, final, reduced)
         checked.append(_checked(name, loss, inner, before, complete, run, final))

@@ -91,12 +91,6 @@ class Problem:
         found = {(t.recording, t.horizon): s for t, s in zip(part.data.tilings, own, strict=True)}
         return tuple(found.get((t.recording, t.horizon), s) for t, s in zip(self.data.tilings, states, strict=True))
 
-    def square_of(self, square: NDArray[np.float64], part: "Problem") -> NDArray[np.float64]:
-        """Those windows' errors that belong to a part of this problem."""
-        kept = {(t.recording, t.horizon) for t in part.data.tilings}
-        keep = np.array([(t.recording, t.horizon) in kept for t in self.data.tilings])
-        return square[keep[self.windows.tiling]]
-
     @property
     def guesses(self) -> tuple[NDArray[np.float64], ...]:
         """First guesses of all initial states, by tiling."""

@@ -100,17 +100,6 @@ def test_a_candidate_can_be_put_into_a_model(candidate):
     assert np.all(vector[places] >= low[places]) and np.all(vector[places] <= high[places])
 
 
-def test_one_seed_leaves_every_effect_one_place_to_start():
-    setting = setting_of(*FULL)
-    scene = scene_of(setting, make_plant())
-    all_seeds = found_for(setting, make_plant())
-    alone = candidates(make_plant(), KNOWN, setting, scene, one_seed=True)
-    choices = [(c.name, *sorted(v for v in c.values.values() if isinstance(v, str))) for c in alone]
-    assert len(choices) == len(set(choices)) < len(all_seeds)
-    assert {c.name for c in alone} == {c.name for c in all_seeds}
-    assert {c.values["end"] for c in alone if c.kind == "end_stop"} == {"low", "high"}
-
-
 @pytest.mark.parametrize(
     ("kind", "site", "free", "linear", "sizes"),
     [
