@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identification.estimation import Problem
+from ..identification.problem import PART_OF
 from ..identification.solver import Point, Start
-from ..model.effects.base import AbstractEffect
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect
 from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
-from .candidates import WRONG_VALUE, Candidate
+from .candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
 from .criteria import CRITERIA
 from .screening import AmongAll, linear_optimum, screened
 from .space import Name, Space, is_apart, make_space
@@ -50,26 +51,60 @@ def added(
     shared: Sequence[Candidate],
     choice: dict[Name, float],
 ) -> list[Move]:
-    """The effects that a linear screen puts first, refitted on the shorter windows; the best of them."""
+    """The effects that a linear screen puts first, refitted on some windows; the best of them.
+
+    A refit begins where the effect is absent and sees short windows alone, which are nearly linear. What shows in whole
+    recordings only has the screen's estimate.
+    """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
     for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
         best.setdefault(found[1].name, found)
-    ranked = list(best.values())
-    chosen = ranked[: CRITERIA.refitted]
-    fits = part.solve(space.engine, [start for _, _, start in chosen], _TRIAL)
-    # Where the screen's estimate leads astray, the effect starts from its absence.
-    astray = [i for i, point in enumerate(fits) if not point.value < there.value]
-    begun = [Start(chosen[i][1].set(space.table, there.vector), chosen[i][2].free, there.states) for i in astray]
-    for i, point in zip(astray, part.solve(space.engine, begun, _TRIAL), strict=True):
-        fits[i] = min(fits[i], point, key=lambda p: p.value)
+    chosen = list(best.values())[: CRITERIA.refitted]
+    estimated = part.evaluate(space.engine, [start for _, _, start in chosen])
+    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
+    states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
+    begun = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
+    fitted = low.solve(space.engine, begun, _TRIAL)
+    after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
+    points = [
+        min(pair, key=lambda p: p.value) for pair in zip(estimated, part.evaluate(space.engine, after), strict=True)
+    ]
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     order = []
-    for (_, candidate, _), point in zip(chosen, fits, strict=True):
+    for (_, candidate, _), point in zip(chosen, points, strict=True):
         numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
         order.append((point.value + unit * numbers + choice[candidate.name], candidate, point))
     order.sort(key=lambda found: found[0])
-    return [_with(problem, part, now, among, c, p, choice[c.name]) for _, c, p in order[: CRITERIA.polished]]
+    # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
+    first = {axis_of(candidate.name): k for k, (_, candidate, _) in reversed(list(enumerate(order)))}
+    count = CRITERIA.polished + len(first) - 1
+    kept = list(dict.fromkeys([*first.values(), *range(len(order))]))[:count]
+    return [_with(problem, part, now, among, c, p, choice[c.name]) for _, c, p in (order[k] for k in sorted(kept))]
+
+
+def axis_of(name: Name) -> str:
+    """The axis on which an effect acts."""
+    kind, site = name
+    return AXIS_OF_SITE[SITE_OF_NUMBER[site] if kind == WRONG_VALUE else site]
+
+
+def together(problem: Problem, now: Structure, first: Structure, other: Structure) -> Move:
+    """A model with what two models add to a third on different axes."""
+    new = [name for name in other.names if name not in now.names]
+    axis = axis_of(new[0])
+    own = {key: getattr(other.plant.bridge, key) for key, place in PART_OF.items() if place == axis}
+    effects = [e for e in other.plant.effects if (e.kind, e.site) in new]
+    plant = Plant(dataclasses.replace(first.plant.bridge, **own), (*first.plant.effects, *effects))
+    space = make_space(problem, plant, first.known & other.known, shared=False)
+    free = [space.table.positions(name)[0] for name in dict.fromkeys([*first.free, *other.free])]
+    return Move(
+        space,
+        (*first.names, *new),
+        {**first.keys, **other.keys},
+        {**first.choices, **other.choices},
+        Start(space.with_values(plant), np.array(free, np.int64), first.point.states),
+    )
 
 
 def _with(

@@ -19,7 +19,7 @@ from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Start
 from .criteria import CRITERIA
-from .moves import AT_ONCE, Move, added, removals, simplifications, with_a_mechanism
+from .moves import AT_ONCE, Move, added, axis_of, removals, simplifications, together, with_a_mechanism
 from .screening import seen_among_all
 from .space import Name, is_apart, proposals
 from .structure import Structure, accepts, leaves_nothing, weighed
@@ -112,6 +112,10 @@ def _round(
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
+        best = _with_other_axes(problem, now, good, seen, deadline)
+        if best is not good[0]:
+            found.append(best)
+            good.insert(0, best)
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
     if not good or (first and not leaves_nothing(problem, good[0])):
@@ -121,18 +125,47 @@ def _round(
     return found
 
 
+def _with_other_axes(
+    problem: Problem, now: Structure, good: Sequence[Structure], seen: set[frozenset[Name]], deadline: float
+) -> Structure:
+    """The best model with what others add on other axes, one after the other, as long as it gains."""
+    best, taken = good[0], {axis_of(name) for name in good[0].names if name not in now.names}
+    if len(good[0].names) <= len(now.names):
+        return best
+    for other in good[1:]:
+        new = [name for name in other.names if name not in now.names]
+        if len(new) != 1 or axis_of(new[0]) in taken or not set(now.names) < set(other.names):
+            continue
+        taken.add(axis_of(new[0]))
+        move = together(problem, now, best, other)
+        if frozenset(move.names) not in seen:
+            best = min(
+                [best, *(s for s in _all_fitted(problem, [move], best, deadline) if accepts(best, s))], key=_value
+            )
+    return best
+
+
+def _value(structure: Structure) -> float:
+    return structure.value
+
+
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
     """Moves fitted to all windows."""
 
     def fitted(move: Move) -> Structure | None:
         if time.monotonic() > deadline:
             return None
-        [point] = problem.solve(move.space.engine, [move.start], _POLISH)
+        engine, start = move.space.engine, move.start
+        low = problem.shortest()
+        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _POLISH)
+        climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
+        begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
+        [point] = problem.solve(engine, [begun.start], _POLISH)
         if point.value > now.point.value and move.absent is not None:
             # What fits short windows may run away in long ones: then the effect grows from its absence, where the
             # model is as good as the one that it contains.
-            begun = Start(move.absent, move.start.free, now.point.states)
-            point = min(point, *problem.solve(move.space.engine, [begun], _POLISH), key=lambda p: p.value)
+            absent = Start(move.absent, start.free, now.point.states)
+            point = min(point, *problem.solve(engine, [absent], _POLISH), key=lambda p: p.value)
         structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf)
         # One that gains nothing needs no price.
         return weighed(problem, structure) if point.value < now.value else structure

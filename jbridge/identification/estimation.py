@@ -63,6 +63,10 @@ class Problem:
         """The same with the windows of some horizons only; the criterion of the others is left out."""
         return self._of([t.horizon in horizons for t in self.data.tilings])
 
+    def shortest(self) -> "Problem":
+        """The same with the windows of the two shortest horizons only: those in which a fit is nearly linear."""
+        return self.of_horizons(self.data.horizons[:2])
+
     def of_some(self, most: int) -> "Problem":
         """The same with so many of the recordings' tilings at most, evenly chosen."""
         count = len(self.data.grids)

@@ -19,7 +19,7 @@ from ..recordings import Recording, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned
 
-_PART_OF = {
+PART_OF = {
     "cart_mass": "x",
     "cart_damping": "x",
     "cart_gain": "x",
@@ -192,7 +192,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
         for entry in table.entries
         if set(entry.unit.replace("/", " ").split()) & {"N", "kg"} and _axis_of(entry) in axes
     }
-    mass = next((name for name, axis in _PART_OF.items() if name.endswith("_mass") and axis in axes), None)
+    mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, None
     told = f"Nothing that is known has a unit of force or mass, so {mass} was taken for known: all forces go with it."
@@ -200,7 +200,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
 
 
 def _axis_of(entry: Entry) -> str:
-    return _PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
+    return PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
 
 
 def _site_of(entry: Entry) -> str:
@@ -227,7 +227,7 @@ def free_places(table: ParameterTable, known: frozenset[str], setting: Setting) 
             continue
         entry = table.entry(place)
         if entry.owner < 0:
-            axis = _PART_OF[entry.key]
+            axis = PART_OF[entry.key]
             if axis not in setting.axes and not (entry.key == "load_mass" and "l" in setting.axes):
                 continue
         else:
