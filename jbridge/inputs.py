@@ -3,6 +3,7 @@
 What has no memory, or is linear in time, is computed for a whole lane at once, before the time loop.
 """
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -99,17 +100,22 @@ def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] |
         chain.sort(key=lambda effect: effect.order)
         for effect in chain:
             if not effect.in_time:
-                w = effect.apply(edges[:-1], w)
+                w = plant.after(functools.partial(effect.apply, edges[:-1]), w, effect)
         # What has no memory and no clock may stand before the delay as well as behind it.
-        late_by = [effect.delay for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+        late = [effect for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
         mean = early = jnp.broadcast_to(w[:, None], (count, many))
-        if late_by:
-            delay = sum(late_by[1:], late_by[0])
-            mean, early = _delayed(edges, w, steps[:, :-1], steps[:, 1:], delay)
+        if late:
+            delay = sum((effect.delay for effect in late[1:]), late[0].delay)
+
+            def delayed(_: tuple[Array, Array], w: Array = w, delay: Scalar = delay) -> tuple[Array, Array]:
+                return _delayed(edges, w, steps[:, :-1], steps[:, 1:], delay)
+
+            mean, early = plant.after(delayed, (mean, early), *late)
         middle = 0.5 * (steps[:, :-1] + steps[:, 1:])
         for effect in chain:
             if effect.in_time:
-                mean, early = effect.apply(middle, mean), effect.apply(middle, early)
+                law = functools.partial(effect.apply, middle)
+                mean, early = plant.after(law, mean, effect), plant.after(law, early, effect)
         constant = jnp.maximum(getattr(constants, axis), INSTANT)
         # Outside the time loop the library's exponential costs nothing.
         fading = jnp.exp(-(lane.start - steps[:n]) / constant)

@@ -5,6 +5,7 @@ before their lags (`inputs`) and the sensors are computed for the whole lane at 
 carries positions, velocities, the lags and a presliding spring.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -368,17 +369,19 @@ def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Mot
         truth = getattr(q, axis)
         for effect in plant.all(SensorDelay):
             if AXIS_OF_SITE[effect.site] == axis:
-                truth = _late(times, truth, getattr(v, axis), effect.delay)
+                law = functools.partial(_late, times, getattr(v, axis), effect.delay)
+                truth = plant.after(law, truth, effect)
         reading = truth
         for sensor in sorted(plant.all(AbstractSensor), key=lambda sensor: sensor.order):
             if AXIS_OF_SITE[sensor.site] == axis:
-                reading = sensor.read(times, reading, truth)
+                law = functools.partial(sensor.read, times, truth=truth)
+                reading = plant.after(law, reading, sensor)
         channels.append(reading)
     return jnp.stack(channels, axis=1)
 
 
 def _late(
-    times: Float[Array, " sample"], value: Float[Array, " sample"], rate: Float[Array, " sample"], delay: Scalar
+    times: Float[Array, " sample"], rate: Float[Array, " sample"], delay: Scalar, value: Float[Array, " sample"]
 ) -> Float[Array, " sample"]:
     """`value(t - delay)` by cubic Hermite interpolation; before the first sample the motion is continued backwards."""
     wanted = times - delay

@@ -84,7 +84,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
                 first.setdefault(candidate.name, candidate)
         effects = [make_effect(kind, site, _null(candidate)) for (kind, site), candidate in first.items()]
     plant = own.adding(*effects)
-    engine = engine_for(problem.setting, problem.data, plant)
+    engine = engine_for(problem.setting, problem.data, plant, len(own.effects) if shared else None)
     absent = np.array(engine.table.ravel(plant), dtype=float)
     return Space(plant, own, known, engine, absent)
 

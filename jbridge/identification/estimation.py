@@ -127,8 +127,14 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(setting: Setting, data: Data, plant: Plant) -> Engine:
-    """Compiled simulations of a plant on recordings."""
+def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = None) -> Engine:
+    """Compiled simulations of a plant on recordings.
+
+    Args:
+        setting, data: of the recordings.
+        plant: what is simulated.
+        given: number of effects that are never absent, see `Engine`.
+    """
     table = ParameterTable(plant)
     own = overrides(table, data.recordings)
     memory = 1.5 * sum(float(e.delay) for e in plant.all(InputDelay)) + 5.0 * max(map(float, plant.time_constants()))
@@ -138,7 +144,7 @@ def engine_for(setting: Setting, data: Data, plant: Plant) -> Engine:
         for g, override in zip(data.grids, own, strict=True)
     ]
     step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings))
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:

@@ -9,6 +9,7 @@ coordinate and velocity of a window's beginning. A window's tangents end where t
 columns serve all windows of a recording together. Which parameters are free is data as well.
 """
 
+import functools
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -18,7 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from .._programs import kept
@@ -69,16 +70,20 @@ class Sensitivity(NamedTuple):
 
 
 class Engine:
-    """Compiled simulations of one plant structure."""
+    """Compiled simulations of one plant structure, or of all structures that lack some of its effects."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, jobs: int):
+    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, jobs: int, given: int | None = None):
         """Args:
-        plant: gives the structure; its values are not kept.
+        plant: gives the structure, and the numbers at which effects are absent.
         courses: inputs of the recordings.
         substeps: integration steps in each interval.
         jobs: simulations that are usually wanted at a time.
+        given: number of effects, from the first, that all structures have; of the others a simulation computes those
+            alone of which some number is free or not the plant's. By default all structures have all.
         """
         self.table = ParameterTable(plant)
+        self._absent = np.array(self.table.ravel(plant), dtype=float)
+        self._given = None if given is None else np.arange(len(plant.effects)) < given
         self.substeps = substeps
         self.count = len(courses)
         # Enough for all processors, few of them in vain.
@@ -105,6 +110,8 @@ class Engine:
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), WIDTH)
             parts += [(i, job.free[a : a + WIDTH]) for a in edges]
+        # Those with the same columns side by side, since a call computes the effects of all of its parts.
+        parts.sort(key=lambda part: part[1].tolist())
         pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
 
         def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
@@ -117,6 +124,19 @@ class Engine:
                 del pending[i]
 
         self._run(jobs, parts, WIDTH, _pushed, keep)
+
+    def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
+        """Which effects some of the parts of a call have: their parameters, and which of these are free."""
+        if self._given is None:
+            return None
+        used = np.zeros(self.table.size, bool)
+        for vector, places in parts:
+            used |= (vector != self._absent) & ~(np.isnan(vector) & np.isnan(self._absent))
+            used[places] = True
+        owners = self.table.owners()
+        present = self._given.copy()
+        present[owners[used & (owners >= 0)]] = True
+        return present
 
     def _run(
         self,
@@ -135,6 +155,7 @@ class Engine:
             full = [*own, *([own[-1]] * (lanes - len(own)))]
             size = self.table.size
             vectors, towards = np.zeros((lanes, size)), np.zeros((lanes, width, size))
+            present = self._present([(jobs[i].vector, places) for i, places in own])
             restart = np.zeros((lanes, self.samples))
             states = np.zeros((lanes, self.samples, STATES))
             which = np.zeros(lanes, np.int64)
@@ -145,7 +166,7 @@ class Engine:
                 restart[k, job.begins] = 1.0
                 states[k, job.begins] = job.states
             courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
-            given = (vectors, towards, courses, restart, states)
+            given = (vectors, towards, courses, restart, states, present)
             return tuple(np.asarray(part) for part in program(self.table, *given, self.substeps))
 
         with ThreadPoolExecutor(_THREADS) as pool:
@@ -157,7 +178,7 @@ class Engine:
                         keep(i, lane, found)
 
 
-@kept(static=(0, 6))
+@kept(static=(0, 7))
 def _predicted(
     table: ParameterTable,
     vectors: Float[Array, "lane parameter"],
@@ -165,15 +186,16 @@ def _predicted(
     courses: Course,
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
+    present: Bool[Array, " effect"] | None,
     substeps: int,
 ) -> tuple[Array]:
     def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-        return _simulated(table, vector, course, restart, states, substeps)
+        return _simulated(table, vector, course, restart, states, present, substeps)
 
     return (jax.vmap(one)(vectors, courses, restart, states),)
 
 
-@kept(static=(0, 6))
+@kept(static=(0, 7))
 def _pushed(
     table: ParameterTable,
     vectors: Float[Array, "lane parameter"],
@@ -181,11 +203,12 @@ def _pushed(
     courses: Course,
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
+    present: Bool[Array, " effect"] | None,
     substeps: int,
 ) -> tuple[Array, Array]:
     def all_lanes(vectors: Array, states: Array) -> Array:
         def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-            return _simulated(table, vector, course, restart, states, substeps)
+            return _simulated(table, vector, course, restart, states, present, substeps)
 
         return jax.vmap(one)(vectors, courses, restart, states)
 
@@ -206,10 +229,12 @@ def _simulated(
     course: Course,
     restart: Float[Array, " sample"],
     states: Float[Array, "sample state"],
+    present: Bool[Array, " effect"] | None,
     substeps: int,
 ) -> Float[Array, "sample 3"]:
     """Readings of one recording, with the measured coordinates set anew where `restart` is 1."""
     plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
+    plant = Plant(plant.bridge, plant.effects, present)
     lane = course.lane
     times = sample_times(lane.start, lane.dt)
     q, v = _behind_sensors(plant, times, states)
@@ -239,10 +264,14 @@ def _behind_sensors(plant: Plant, times: Array, states: Array) -> tuple[Axes, Ax
             if isinstance(sensor, SensorScale):
                 q[k], v[k] = q[k] / sensor.scale, v[k] / sensor.scale
             else:
-                q[k] = q[k] - (sensor.read(times, q[k], q[k]) - q[k])
+                q[k] = plant.after(functools.partial(_less_error, sensor, times), q[k], sensor)
         for late in plant.all(SensorDelay, f"{axis}_sensor"):
             q[k] = q[k] + late.delay * v[k]
     return Axes(*q), Axes(*v)
+
+
+def _less_error(sensor: AbstractSensor, times: Array, reading: Array) -> Array:
+    return reading - (sensor.read(times, reading, reading) - reading)
 
 
 def _set(carry: Motions, begins: Array, q: Axes, v: Axes) -> Motions:

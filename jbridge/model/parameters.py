@@ -52,6 +52,7 @@ class ParameterTable:
         self.entries: list[Entry] = []
         self._positions: dict[str, list[int]] = {}
         self._options: dict[str, int] = {}
+        self._owners: list[int] = []
         command = {"u_x": "V", "u_l": "V"} | dict(inputs or {})
         offset = 0
         for owner, part in enumerate((plant.bridge, *plant.effects), start=-1):
@@ -67,6 +68,7 @@ class ParameterTable:
                     assert isinstance(part, AbstractEffect)
                     self._options[f"{part.kind}@{part.site}.{field.name}"] = offset
                 offset += size
+                self._owners += [owner] * size
 
     def __hash__(self) -> int:
         return hash((self.treedef, tuple(self._shapes)))
@@ -104,6 +106,10 @@ class ParameterTable:
     def entry(self, position: int | np.integer) -> Entry:
         """What is known of the number at a place of the vector."""
         return self._by_position[int(position)]
+
+    def owners(self) -> NDArray[np.int64]:
+        """Index of the effect that each place of the vector belongs to, -1 for the bridge."""
+        return np.array(self._owners, np.int64)
 
     def names(self) -> tuple[str, ...]:
         return tuple(entry.name for entry in self.entries)

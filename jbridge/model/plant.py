@@ -6,12 +6,13 @@ masses of their own; only the hook's angle enlarges the coupled mass matrix. Wha
 between motor and cart is decided over a whole step (`dry`, `drive_train`).
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Bool
 
 from .._math import materialise, sincos
 from .._programs import returned
@@ -32,6 +33,7 @@ from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElas
 from .effects.friction import PreslidingFriction
 
 E = TypeVar("E", bound=AbstractEffect)
+T = TypeVar("T")
 
 
 @returned
@@ -66,11 +68,17 @@ class Push(NamedTuple):
     down: Axes
 
 
+_Pair: TypeAlias = tuple[Scalar, Scalar]
+_Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
+
+
 class Plant(eqx.Module):
     """A bridge and its effects. `Plant(bridge)` is the rigid, viscous bridge."""
 
     bridge: Bridge
     effects: tuple[AbstractEffect, ...] = ()
+    present: Bool[Array, " effect"] | None = None
+    """Which of the effects act, where one program serves models with different ones; None if all do."""
 
     def adding(self, *effects: AbstractEffect) -> "Plant":
         """The same plant with further effects."""
@@ -81,6 +89,13 @@ class Plant(eqx.Module):
         for effect in self.effects:
             if isinstance(effect, cls) and site in (None, effect.site):
                 yield effect
+
+    def after(self, law: Callable[[T], T], value: T, *effects: AbstractEffect) -> T:
+        """`law(value)`, what effects make of a value; the value itself, and no work, where all of them are absent."""
+        if self.present is None:
+            return law(value)
+        present = [self.present[k] for k, own in enumerate(self.effects) if any(own is effect for effect in effects)]
+        return jax.lax.cond(jnp.any(jnp.stack(present)), law, lambda same: same, value)
 
     def only(self, cls: type[E], site: str | None = None) -> E | None:
         """The one effect of a class, or None.
@@ -146,14 +161,17 @@ class Plant(eqx.Module):
     def friction_levels(self, t: Scalar, q: Axes, v: Axes) -> tuple[Axes, Axes]:
         """Levels against positive and against negative motion, summed over the effects of each axis."""
         zero = jnp.zeros_like(v.x)
-        positive = {"x": zero, "psi": zero, "l": zero}
-        negative = dict(positive)
+        total = dict.fromkeys(Axes._fields, (zero, zero))
         for effect in self.all(AbstractFriction):
             axis = AXIS_OF_SITE[effect.site]
-            up, down = effect.levels(t, getattr(q, axis), getattr(v, axis))
-            positive[axis] = positive[axis] + up
-            negative[axis] = negative[axis] + down
-        return Axes(**positive), Axes(**negative)
+            at = t, getattr(q, axis), getattr(v, axis)
+
+            def law(levels: _Pair, effect: AbstractFriction = effect, at: _Triple = at) -> _Pair:
+                up, down = effect.levels(*at)
+                return levels[0] + up, levels[1] + down
+
+            total[axis] = self.after(law, total[axis], effect)
+        return Axes(*(up for up, _ in total.values())), Axes(*(down for _, down in total.values()))
 
     def has_friction(self, axis: str) -> bool:
         """Whether any dry friction that sticks acts on an axis (`x`, `psi` or `l`)."""
@@ -164,12 +182,20 @@ class Plant(eqx.Module):
         load_q, load_v = q.at_load(), v.at_load()
         total = Axes(*(jnp.zeros_like(q.x) for _ in range(3)))
         for effect in self.all(AbstractForce):
-            total = Axes(*(a + b for a, b in zip(total, effect.force(t, load_q, load_v), strict=True)))
+
+            def pushed(total: Axes, effect: AbstractForce = effect) -> Axes:
+                return Axes(*(a + b for a, b in zip(total, effect.force(t, load_q, load_v), strict=True)))
+
+            total = self.after(pushed, total, effect)
         drives_q, drives_v = q.at_drives(), v.at_drives()
         resistance = self.bridge.viscous(drives_v)._asdict()
         for damping in self.all(AbstractDamping):
+
+            def resisted(force: Scalar, damping: AbstractDamping = damping) -> Scalar:
+                return force + damping.resistance(drives_q, drives_v)
+
             axis = AXIS_OF_SITE[damping.site]
-            resistance[axis] = resistance[axis] + damping.resistance(drives_q, drives_v)
+            resistance[axis] = self.after(resisted, resistance[axis], damping)
         return total, Axes(**resistance)
 
     def acceleration(
