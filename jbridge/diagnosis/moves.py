@@ -61,20 +61,24 @@ def added(
     for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
         best.setdefault(found[1].name, found)
     chosen = list(best.values())[: CRITERIA.refitted]
-    estimated = part.evaluate(space.engine, [start for _, _, start in chosen])
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     begun = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
-    fitted = low.solve(space.engine, begun, _TRIAL)
+    *fitted, without = low.solve(space.engine, [*begun, Start(there.vector, there.free, states)], _TRIAL)
+    estimated = part.evaluate(space.engine, [start for _, _, start in chosen])
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = [
         min(pair, key=lambda p: p.value) for pair in zip(estimated, part.evaluate(space.engine, after), strict=True)
     ]
+    # Where short windows gain, whole ones follow when they are fitted, too.
+    gains = [
+        max(there.value - point.value, without.value - short.value) for point, short in zip(points, fitted, strict=True)
+    ]
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     order = []
-    for (_, candidate, _), point in zip(chosen, points, strict=True):
+    for (_, candidate, _), point, gain in zip(chosen, points, gains, strict=True):
         numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
-        order.append((point.value + unit * numbers + choice[candidate.name], candidate, point))
+        order.append((unit * numbers + choice[candidate.name] - gain, candidate, point))
     order.sort(key=lambda found: found[0])
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
     first = {axis_of(candidate.name): k for k, (_, candidate, _) in reversed(list(enumerate(order)))}

@@ -26,7 +26,7 @@ from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
 from .space import Name
-from .structure import Structure, blocks_of
+from .structure import Structure
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
 """Horizons on which models are compared, those of the criterion."""
@@ -165,8 +165,7 @@ def validate(
         reduced = _refitted(problem, final, base, [name])
         run = judge.evaluate(reduced.plant)
         loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-        inner = _inner_loss(problem, final, reduced)
-        checked.append(_checked(name, loss, inner, before, complete, run, final))
+        checked.append(_checked(name, loss, before, complete, run, final))
     events = [c.name for c in checked if c.status == "event"]
     if events:
         final = _refitted(problem, final, base, events)
@@ -227,17 +226,9 @@ def _one_second(run: Evaluation) -> float:
     return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
 
 
-def _inner_loss(problem: Problem, final: Fixed, reduced: Fixed) -> NDArray[np.float64]:
-    """The loss without an effect on the recordings that were fitted, by block."""
-    by_window = problem.likelihood.by_window(reduced.point.square) - problem.likelihood.by_window(final.point.square)
-    blocks = blocks_of(problem)
-    return np.array([by_window[blocks == b].sum() for b in range(int(blocks.max()) + 1)])
-
-
 def _checked(
     name: Name,
     loss: NDArray[np.float64],
-    inner: NDArray[np.float64],
     before: Evaluation,
     complete: Evaluation,
     run: Evaluation,
@@ -246,13 +237,11 @@ def _checked(
     total = float(loss.sum())
     # The signed root of a likelihood ratio grows with the effect, and noise gives it a variance of 1. So blocks that
     # excite an effect little do not speak against it, as they would by their bare losses.
-    outer, inner = (np.sign(part) * np.sqrt(2.0 * np.abs(part)) for part in (loss, inner))
-    mean, alike = float(outer.mean()), float(inner.mean())
-    # A hold-out may have two blocks. How far blocks differ by their mean, those of the fitted recordings tell as well.
-    scale = max(mean, 0.0) / alike if alike > 0.0 else 0.0
-    apart = np.concatenate([outer - mean, scale * (inner - alike)])
-    freedom = max(len(apart) - 2, 1)
-    error = max(float(np.sqrt(np.sum(apart**2) / freedom)), 1.0) / math.sqrt(len(outer))
+    root = np.sign(loss) * np.sqrt(2.0 * np.abs(loss))
+    mean, freedom = float(root.mean()), _KNOWN + len(root) - 1
+    # A hold-out may have two blocks: that variance is known beforehand like one that some more of them have shown.
+    variance = (_KNOWN + float(np.sum((root - mean) ** 2))) / freedom
+    error = math.sqrt(max(variance, 1.0) / len(root))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     limit = float(student.ppf(_NORMAL_SHARE, freedom))
     horizon = _one_second(before)
@@ -266,6 +255,8 @@ def _checked(
     return Checked(name, "event" if once else "suggested", explained, total, mean / error)
 
 
+_KNOWN = 2
+"""Blocks that the variance of noise counts for."""
 _NORMAL_SHARE = 0.977250
 """Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
 
