@@ -1,10 +1,10 @@
 """The search for a structure: proposals are cheap and linear, judgement is by simulation and one criterion.
 
 A model is a set of effects beside what was given. In each round every effect that it lacks is weighed by a linear
-screen (the criterion on the quadratic model of every window), the best are refitted together on short windows, the
-best of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left
-out, replaced by a simpler law, or a known number is set free. It ends when no move lowers the criterion, or when less
-is left of every channel than one number costs.
+screen (the criterion on the quadratic model of every window), the best are refitted together on some windows, the best
+of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left out,
+replaced by a simpler law, or a known number is set free. Every fit climbs from short windows, which are nearly linear,
+to long ones. The search ends when no move lowers the criterion, or when every channel is met.
 """
 
 import dataclasses

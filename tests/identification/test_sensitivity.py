@@ -77,6 +77,39 @@ def test_tangents_against_central_differences(horizon):
         assert np.abs(ours[column][:end] - wanted).max() <= 2e-2 * max(np.abs(wanted).max(), 1e-6), column
 
 
+def test_what_is_absent_may_stand_in_the_program():
+    problem, own, start, _ = problem_of(DRY, (0.3,))
+    wide = make_plant(
+        *((e.kind, e.site, {k: v for k, v in vars(e).items() if k != "site"}) for e in DRY.effects),
+        ("quadratic_drag", "cart", {"coefficient": 0.0}),
+        ("stribeck_friction", "cart", {"level": 0.0, "breakaway": 0.0, "velocity": 0.05}),
+        ("input_delay", "hoist_drive", {"delay": 0.0}),
+        ("sensor_delay", "x_sensor", {"delay": 0.0}),
+        ("sensor_eccentricity", "psi_sensor", {"amplitude": 0.0, "period": 0.1, "phase": 0.0}),
+        swing_damping=0.01,
+    )
+    some = engine_for(problem.setting, problem.data, wide, len(DRY.effects))
+    every = engine_for(problem.setting, problem.data, wide)
+    tiling = problem.data.tilings[0]
+    vector = np.array(some.table.ravel(wide), dtype=float)
+    names = [own.table.entry(int(place)).name for place in start.free]
+    both = [*names, "quadratic_drag@cart.coefficient"]
+    found = {}
+    for key, engine, at, free in (
+        ("own", own, start.vector, names),
+        ("lean", some, vector, names),
+        ("drag", some, vector, both),
+        ("all", every, vector, both),
+    ):
+        places = np.array([engine.table.positions(name)[0] for name in free])
+        engine.sensitivities(
+            [Job(at, 0, tiling.begins, tiling.states, places)], lambda i, t, k=key: found.update({k: t})
+        )
+    for one, other in (("lean", "own"), ("drag", "all")):
+        assert np.allclose(found[one].predicted, found[other].predicted, rtol=0, atol=1e-10)
+        assert np.allclose(found[one].tangents, found[other].tangents, rtol=1e-6, atol=1e-9)
+
+
 def test_a_simulation_that_runs_away_is_far_off_and_finite():
     plant = make_plant(hoist_gain=3.0)
     problem, engine, start, _ = problem_of(plant, (WHOLE,))

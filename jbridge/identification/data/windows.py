@@ -194,8 +194,14 @@ def course(g: Grid, samples: int, history: float, period: float, override: Mappi
 
 
 def _under_way(g: Grid, axis: int) -> bool:
-    """Whether an axis moves when its recording begins: then what drives it at the first row has done so before."""
+    """Whether an axis moves when its recording begins: then what drives it at the first row has done so before.
+
+    One that starts from rest gains its speed in the recording. So the rate at the first row, of a parabola, is looked
+    at, and must be nearer to the mean rate of the first moments than to rest.
+    """
     rows = np.flatnonzero(g.measured[:, axis] & (g.times <= _EARLY))
-    if not g.active[axis] or len(rows) < 3:
+    if not g.active[axis] or len(rows) < 4:
         return False
-    return bool(abs(np.polyfit(g.times[rows], g.y[rows, axis], 1)[0]) > _MOVING)
+    mean = np.polyfit(g.times[rows], g.y[rows, axis], 1)[0]
+    first = np.polyfit(g.times[rows], g.y[rows, axis], 2)[1]
+    return bool(abs(mean) > _MOVING and first / mean > 0.5)
