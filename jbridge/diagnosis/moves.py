@@ -41,6 +41,8 @@ class Move:
     start: Start
     absent: NDArray[np.float64] | None = None
     """The parameters at which what is added is absent."""
+    told_apart: bool = False
+    """Whether no other addition on its axis came near it when proposals were refitted."""
 
 
 def added(
@@ -84,7 +86,13 @@ def added(
     first = {axis_of(candidate.name): k for k, (_, candidate, _) in reversed(list(enumerate(order)))}
     count = CRITERIA.polished + len(first) - 1
     kept = list(dict.fromkeys([*first.values(), *range(len(order))]))[:count]
-    return [_with(problem, part, now, among, c, p, choice[c.name]) for _, c, p in (order[k] for k in sorted(kept))]
+    near = math.log(1.0 / CRITERIA.apart)
+    moves = []
+    for value, candidate, point in (order[k] for k in sorted(kept)):
+        rivals = [v for v, c, _ in order if c is not candidate and axis_of(c.name) == axis_of(candidate.name)]
+        move = _with(problem, part, now, among, candidate, point, choice[candidate.name])
+        moves.append(dataclasses.replace(move, told_apart=min(rivals, default=math.inf) > value + near))
+    return moves
 
 
 def axis_of(name: Name) -> str:

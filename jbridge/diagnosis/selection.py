@@ -112,7 +112,9 @@ def _round(
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
-        best = _with_other_axes(problem, now, good, seen, deadline)
+        alone = {frozenset(move.names) for move in moves if move.told_apart}
+        others = [s for s in good[1:] if frozenset(s.names) in alone]
+        best = _with_other_axes(problem, now, good[0], others, seen, deadline)
         if best is not good[0]:
             found.append(best)
             good.insert(0, best)
@@ -126,22 +128,24 @@ def _round(
 
 
 def _with_other_axes(
-    problem: Problem, now: Structure, good: Sequence[Structure], seen: set[frozenset[Name]], deadline: float
+    problem: Problem,
+    now: Structure,
+    best: Structure,
+    others: Sequence[Structure],
+    seen: set[frozenset[Name]],
+    deadline: float,
 ) -> Structure:
     """The best model with what others add on other axes, one after the other, as long as it gains."""
-    best, taken = good[0], {axis_of(name) for name in good[0].names if name not in now.names}
-    if len(good[0].names) <= len(now.names):
-        return best
-    for other in good[1:]:
-        new = [name for name in other.names if name not in now.names]
-        if len(new) != 1 or axis_of(new[0]) in taken or not set(now.names) < set(other.names):
+    taken = {axis_of(name) for name in best.names if name not in now.names}
+    for other in others if taken else ():
+        [new] = set(other.names) - set(now.names)
+        if axis_of(new) in taken:
             continue
-        taken.add(axis_of(new[0]))
+        taken.add(axis_of(new))
         move = together(problem, now, best, other)
         if frozenset(move.names) not in seen:
-            best = min(
-                [best, *(s for s in _all_fitted(problem, [move], best, deadline) if accepts(best, s))], key=_value
-            )
+            joined = _all_fitted(problem, [move], best, deadline)
+            best = min([best, *(s for s in joined if accepts(best, s))], key=_value)
     return best
 
 
