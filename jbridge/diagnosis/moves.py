@@ -55,8 +55,8 @@ def added(
 ) -> list[Move]:
     """The effects that a linear screen puts first, refitted on some windows; the best of them.
 
-    A refit begins where the effect is absent and sees short windows alone, which are nearly linear. What shows in whole
-    recordings only has the screen's estimate.
+    A refit begins where the effect is absent and sees short windows alone, which are nearly linear; from there, or from
+    the screen's estimate if that is better, it goes on with whole recordings, where small scales and drifts show.
     """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
@@ -67,11 +67,11 @@ def added(
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     begun = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     *fitted, without = low.solve(space.engine, [*begun, Start(there.vector, there.free, states)], _TRIAL)
-    estimated = part.evaluate(space.engine, [start for _, _, start in chosen])
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
-    points = [
-        min(pair, key=lambda p: p.value) for pair in zip(estimated, part.evaluate(space.engine, after), strict=True)
-    ]
+    pairs = zip(
+        part.evaluate(space.engine, [start for _, _, start in chosen]), part.evaluate(space.engine, after), strict=True
+    )
+    points = part.solve(space.engine, [min(pair, key=lambda p: p.value).start for pair in pairs], _TRIAL)
     # Where short windows gain, whole ones follow when they are fitted, too.
     gains = [
         max(there.value - point.value, without.value - short.value) for point, short in zip(points, fitted, strict=True)

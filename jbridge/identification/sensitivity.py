@@ -95,7 +95,7 @@ class Engine:
         """Readings of every job, `(sample, 3)`."""
         out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
 
-        def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
             out[i] = found[0][lane]
 
         self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], 0, _predicted, keep)
@@ -112,16 +112,17 @@ class Engine:
             parts += [(i, job.free[a : a + WIDTH]) for a in edges]
         # Those with the same columns side by side, since a call computes the effects of all of its parts.
         parts.sort(key=lambda part: part[1].tolist())
-        pending: dict[int, list[tuple[NDArray[np.float64], ...]]] = {}
+        columns = [np.zeros((len(job.free) + STATES, self.samples, 3)) for job in jobs]
+        missing = [max(len(job.free), 1) for job in jobs]
 
-        def keep(i: int, lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
-            got = pending.setdefault(i, [])
-            got.append((found[0][lane], found[1][lane]))
-            wanted = len(jobs[i].free)
-            if len(got) * WIDTH >= max(wanted, 1):
-                columns = np.concatenate([tangents[:WIDTH] for _, tangents in got])[:wanted]
-                take(i, Sensitivity(got[0][0], np.concatenate([columns, got[0][1][WIDTH:]])))
-                del pending[i]
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+            predicted, tangents = found[0][lane], found[1][lane]
+            columns[i][: len(jobs[i].free)][np.isin(jobs[i].free, places)] = tangents[: len(places)]
+            columns[i][len(jobs[i].free) :] = tangents[WIDTH:]
+            missing[i] -= max(len(places), 1)
+            if missing[i] == 0:
+                take(i, Sensitivity(predicted, columns[i]))
+                columns[i] = np.zeros(0)
 
         self._run(jobs, parts, WIDTH, _pushed, keep)
 
@@ -144,7 +145,7 @@ class Engine:
         parts: Sequence[tuple[int, NDArray[np.int64]]],
         width: int,
         program: Callable,
-        keep: Callable[[int, int, tuple[NDArray[np.float64], ...]], None],
+        keep: Callable[[int, NDArray[np.int64], int, tuple[NDArray[np.float64], ...]], None],
     ) -> None:
         """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order."""
         lanes = self._lanes
@@ -174,8 +175,8 @@ class Engine:
             for a in range(0, len(calls), 2 * _THREADS):
                 some = calls[a : a + 2 * _THREADS]
                 for own, found in zip(some, pool.map(call, some), strict=True):
-                    for lane, (i, _) in enumerate(own):
-                        keep(i, lane, found)
+                    for lane, (i, places) in enumerate(own):
+                        keep(i, places, lane, found)
 
 
 @kept(static=(0, 7))
