@@ -7,7 +7,7 @@ import pytest
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.problem import make_setting
-from jbridge.identification.sensitivity import Job
+from jbridge.identification.sensitivity import WIDTH, Job
 from jbridge.model.files import Model
 from jbridge.rollout import MIDPOINT
 from tests.identification.cases import play, steps
@@ -93,13 +93,15 @@ def test_what_is_absent_may_stand_in_the_program():
     tiling = problem.data.tilings[0]
     vector = np.array(some.table.ravel(wide), dtype=float)
     names = [own.table.entry(int(place)).name for place in start.free]
-    both = [*names, "quadratic_drag@cart.coefficient"]
+    both = [*names, "quadratic_drag@cart.coefficient", "input_delay@hoist_drive.delay", "sensor_delay@x_sensor.delay"]
+    assert len(both) > WIDTH
     found = {}
     for key, engine, at, free in (
         ("own", own, start.vector, names),
         ("lean", some, vector, names),
         ("drag", some, vector, both),
         ("all", every, vector, both),
+        ("turned", some, vector, both[::-1]),
     ):
         places = np.array([engine.table.positions(name)[0] for name in free])
         engine.sensitivities(
@@ -108,6 +110,8 @@ def test_what_is_absent_may_stand_in_the_program():
     for one, other in (("lean", "own"), ("drag", "all")):
         assert np.allclose(found[one].predicted, found[other].predicted, rtol=0, atol=1e-10)
         assert np.allclose(found[one].tangents, found[other].tangents, rtol=1e-6, atol=1e-9)
+    # More columns than a call takes, in another order.
+    assert np.allclose(found["turned"].tangents[len(both) - 1 :: -1], found["drag"].tangents[: len(both)], atol=1e-12)
 
 
 def test_a_simulation_that_runs_away_is_far_off_and_finite():
