@@ -216,9 +216,14 @@ def parameters_of(
 
 
 def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
-    """The model that an effect was added to, and all that were tried in its place, the effect's own first."""
+    """The model that an effect was added to, and all that were tried in its place, the effect's own first.
+
+    What the final model has as well was not in its place.
+    """
+    final = set(search.held[-1].names) - {name}
     for before, tried in zip(search.held, search.tried, strict=False):
         adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
+        adding = [s for s in adding if not final & (set(s.names) - set(before.names))]
         own = [s for s in adding if name in s.names and name not in before.names]
         if own and any(name in s.names for s in search.held[search.held.index(before) + 1 :][:1]):
             return before, [own[0], *(s for s in adding if s is not own[0])]
