@@ -66,7 +66,7 @@ class Space:
         return vector
 
 
-def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool = True) -> Space:
+def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool = True, width: int = 0) -> Space:
     """Compiles nothing yet: programs are made when they are first used.
 
     Args:
@@ -74,6 +74,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
         own: what every model has.
         known: parameters that are not estimated.
         shared: whether effects that may be added stand in it; without, it is the plant alone.
+        width: see `Engine`.
     """
     effects = []
     if shared:
@@ -84,7 +85,7 @@ def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool
                 first.setdefault(candidate.name, candidate)
         effects = [make_effect(kind, site, _null(candidate)) for (kind, site), candidate in first.items()]
     plant = own.adding(*effects)
-    engine = engine_for(problem.setting, problem.data, plant, len(own.effects) if shared else None)
+    engine = engine_for(problem.setting, problem.data, plant, len(own.effects) if shared else None, width)
     absent = np.array(engine.table.ravel(plant), dtype=float)
     return Space(plant, own, known, engine, absent)
 

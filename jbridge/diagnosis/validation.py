@@ -25,7 +25,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
-from .space import Name
+from .space import Name, is_apart
 from .structure import Structure
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
@@ -168,7 +168,7 @@ def validate(
         checked.append(_checked(name, loss, before, complete, run, final))
     events = [c.name for c in checked if c.status == "event"]
     if events:
-        final = _refitted(problem, final, base, events)
+        final = _refitted(problem, final, base, events, own=True)
         complete = judge.evaluate(final.plant)
     doubtful = [c.name for c in checked if c.status == "suggested"]
     sure = complete
@@ -299,26 +299,43 @@ def of_its_own(structure: Structure) -> Fixed:
     return Fixed(structure.plant, structure.names, structure.space.engine, structure.point)
 
 
-def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name]) -> Fixed:
-    """A model without some of its added effects, fitted again."""
-    effects = tuple(e for e in model.plant.effects if (e.kind, e.site) not in left or is_given(base, (e.kind, e.site)))
-    restored = {site: getattr(base.plant.bridge, site) for kind, site in left if kind == WRONG_VALUE}
-    plant = Plant(dataclasses.replace(model.plant.bridge, **restored), effects)
-    engine = engine_for(problem.setting, problem.data, plant)
-    there = set(engine.table.names())
-    names = [model.table.entry(int(p)).name for p in model.point.free]
-    names = [n for n in names if n in there and n not in restored]
-    free = np.array([engine.table.positions(name)[0] for name in names], np.int64)
-    vector = np.array(engine.table.ravel(plant), dtype=float)
-    starts = [Start(vector, free, model.point.states)]
+def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name], own: bool = False) -> Fixed:
+    """A model without some of its added effects, fitted again.
+
+    The model's own program serves where these have null values; mechanisms have none.
+
+    Args:
+        problem: the recordings.
+        model: with the effects.
+        base: the model as given, refitted.
+        left: what is left out.
+        own: whether the model no longer has them, not even with null values.
+    """
+    table = model.table
+    vector, apart = model.point.vector.copy(), [name for name in left if own or is_apart(name[0])]
     if len(model.names) == len(left):
         # The model as given stands at its own optimum.
-        starts = [Start(np.array(engine.table.ravel(base.plant), dtype=float), free, base.point.states)]
-    [point] = problem.solve(engine, starts, _REFIT)
+        there = ParameterTable(base.plant)
+        values = np.array(there.ravel(base.plant), dtype=float)
+        for name in there.names():
+            vector[table.positions(name)] = values[there.positions(name)]
+    free = []
+    for place in map(int, model.point.free):
+        entry = table.entry(place)
+        kind, site = entry.group.rpartition(".")[0].split("#")[0].partition("@")[::2]
+        if (WRONG_VALUE, entry.group) in left:
+            vector[place] = getattr(base.plant.bridge, entry.group)
+        elif (kind, site) in left:
+            vector[place] = entry.info.null
+        else:
+            free.append(entry.name)
+    plant, engine = table.unravel(vector), model.engine
+    if apart:
+        plant = Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) not in apart))
+        engine = engine_for(problem.setting, problem.data, plant)
+    places = np.array([engine.table.positions(name)[0] for name in free], np.int64)
+    states = base.point.states if len(model.names) == len(left) else model.point.states
+    start = Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
+    [point] = problem.solve(engine, [start], _REFIT)
     fitted = engine.table.unravel(point.vector)
     return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
-
-
-def is_given(base: Structure, name: Name) -> bool:
-    """Whether the model as given has an effect of a kind and site."""
-    return any((e.kind, e.site) == name for e in base.plant.effects)

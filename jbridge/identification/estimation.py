@@ -127,13 +127,13 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = None) -> Engine:
+def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = None, width: int = 0) -> Engine:
     """Compiled simulations of a plant on recordings.
 
     Args:
         setting, data: of the recordings.
         plant: what is simulated.
-        given: number of effects that are never absent, see `Engine`.
+        given, width: see `Engine`.
     """
     table = ParameterTable(plant)
     own = overrides(table, data.recordings)
@@ -144,7 +144,7 @@ def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = N
         for g, override in zip(data.grids, own, strict=True)
     ]
     step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given, width)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:

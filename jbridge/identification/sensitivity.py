@@ -6,7 +6,8 @@ belt, a second pendulum) are never set; they follow from the simulation of what 
 
 Forward mode, since a fit has few parameters and many residuals: one tangent for each free parameter and one for each
 coordinate and velocity of a window's beginning. A window's tangents end where the next one begins, so that those six
-columns serve all windows of a recording together. Which parameters are free is data as well.
+columns (fewer where an axis does not move) serve all windows of a recording together. Which parameters are free is data
+as well.
 """
 
 import functools
@@ -33,8 +34,8 @@ from .data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
-WIDTH = 12
-"""Parameter columns of a call; more are taken in several."""
+_WIDEST = 24
+"""Most parameter columns of a call; more are taken in several."""
 _MOST_LANES = 16
 """Simulations of a call: many share the cost of a step, and fewer are wasted where there are few to do."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
@@ -72,7 +73,15 @@ class Sensitivity(NamedTuple):
 class Engine:
     """Compiled simulations of one plant structure, or of all structures that lack some of its effects."""
 
-    def __init__(self, plant: Plant, courses: Sequence[Course], substeps: int, jobs: int, given: int | None = None):
+    def __init__(
+        self,
+        plant: Plant,
+        courses: Sequence[Course],
+        substeps: int,
+        jobs: int,
+        given: int | None = None,
+        width: int = 0,
+    ):
         """Args:
         plant: gives the structure, and the numbers at which effects are absent.
         courses: inputs of the recordings.
@@ -80,6 +89,7 @@ class Engine:
         jobs: simulations that are usually wanted at a time.
         given: number of effects, from the first, that all structures have; of the others a simulation computes those
             alone of which some number is free or not the plant's. By default all structures have all.
+        width: parameter columns of a call; by default as many as are wanted at a time.
         """
         self.table = ParameterTable(plant)
         self._absent = np.array(self.table.ravel(plant), dtype=float)
@@ -87,9 +97,13 @@ class Engine:
         self.substeps = substeps
         self.count = len(courses)
         # Enough for all processors, few of them in vain.
-        self._lanes = min(_MOST_LANES, 2 ** math.ceil(math.log2(max(jobs / _THREADS, 1.0))))
+        each = math.ceil(jobs / _THREADS)
+        self._lanes = max(1, math.ceil(each / math.ceil(each / _MOST_LANES)))
+        self._width, self._wider = min(width, _WIDEST), width == 0
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
+        moving = np.array([np.any(flag) for flag in self._courses.lane.active])
+        self._moving = np.flatnonzero(np.tile(moving, 2))
 
     def predict(self, jobs: Sequence[Job]) -> list[NDArray[np.float64]]:
         """Readings of every job, `(sample, 3)`."""
@@ -106,10 +120,14 @@ class Engine:
 
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
+        if self._wider:
+            most = max((len(job.free) for job in jobs), default=0)
+            self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)))
+        width = max(self._width, 1)
         parts = []
         for i, job in enumerate(jobs):
-            edges = range(0, max(len(job.free), 1), WIDTH)
-            parts += [(i, job.free[a : a + WIDTH]) for a in edges]
+            edges = range(0, max(len(job.free), 1), width)
+            parts += [(i, job.free[a : a + width]) for a in edges]
         # Those with the same columns side by side, since a call computes the effects of all of its parts.
         parts.sort(key=lambda part: part[1].tolist())
         columns = [np.zeros((len(job.free) + STATES, self.samples, 3)) for job in jobs]
@@ -118,13 +136,13 @@ class Engine:
         def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
             predicted, tangents = found[0][lane], found[1][lane]
             columns[i][: len(jobs[i].free)][np.isin(jobs[i].free, places)] = tangents[: len(places)]
-            columns[i][len(jobs[i].free) :] = tangents[WIDTH:]
+            columns[i][len(jobs[i].free) + self._moving] = tangents[width:]
             missing[i] -= max(len(places), 1)
             if missing[i] == 0:
                 take(i, Sensitivity(predicted, columns[i]))
                 columns[i] = np.zeros(0)
 
-        self._run(jobs, parts, WIDTH, _pushed, keep)
+        self._run(jobs, parts, width, _pushed, keep)
 
     def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
         """Which effects some of the parts of a call have: their parameters, and which of these are free."""
@@ -167,7 +185,8 @@ class Engine:
                 restart[k, job.begins] = 1.0
                 states[k, job.begins] = job.states
             courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
-            given = (vectors, towards, courses, restart, states, present)
+            begun = np.eye(STATES)[self._moving]
+            given = (vectors, towards, begun, courses, restart, states, present)
             return tuple(np.asarray(part) for part in program(self.table, *given, self.substeps))
 
         with ThreadPoolExecutor(_THREADS) as pool:
@@ -179,11 +198,12 @@ class Engine:
                         keep(i, places, lane, found)
 
 
-@kept(static=(0, 7))
+@kept(static=(0, 8))
 def _predicted(
     table: ParameterTable,
     vectors: Float[Array, "lane parameter"],
     towards: Float[Array, "lane column parameter"],
+    begun: Float[Array, "moving state"],
     courses: Course,
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
@@ -196,11 +216,12 @@ def _predicted(
     return (jax.vmap(one)(vectors, courses, restart, states),)
 
 
-@kept(static=(0, 7))
+@kept(static=(0, 8))
 def _pushed(
     table: ParameterTable,
     vectors: Float[Array, "lane parameter"],
     towards: Float[Array, "lane column parameter"],
+    begun: Float[Array, "moving state"],
     courses: Course,
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
@@ -218,10 +239,10 @@ def _pushed(
         return jax.jvp(all_lanes, (vectors, states), (direction, everywhere))
 
     lanes, width, size = towards.shape
-    along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((STATES, lanes, size))])
-    begun = jnp.concatenate([jnp.zeros((width, STATES)), jnp.eye(STATES)])
+    along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((len(begun), lanes, size))])
+    change = jnp.concatenate([jnp.zeros((width, STATES)), begun])
     # Columns outside, lanes inside: processors take neighbours together, and all lanes do the same.
-    return jax.vmap(push, out_axes=(None, 1))(along, begun)
+    return jax.vmap(push, out_axes=(None, 1))(along, change)
 
 
 def _simulated(
