@@ -131,7 +131,7 @@ def _swing_period(problem: Problem) -> float:
 def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
     """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit."""
     blocks = blocks_of(problem)
-    weight = problem.likelihood.weights(point.square)
+    weight, scale = problem.likelihood.weights(point.square), problem.likelihood.scale(point.square)
     n = len(point.free)
     each = np.einsum("wc,wcij->wij", weight, normal.products)
     total = each.sum(axis=0)
@@ -145,7 +145,7 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> ND
         gradient = rest[:n, n] + tied @ at
         step = bounded_step(rest[:n, :n] + tied, gradient, low[point.free] - at, high[point.free] - at, 1e-6)
         square = squares(problem, normal.products, step)
-        out.append(float(problem.likelihood.by_window(square)[own].sum()))
+        out.append(float(problem.likelihood.by_window(square, scale)[own].sum()))
     return np.array(out)
 
 

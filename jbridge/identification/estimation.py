@@ -79,7 +79,7 @@ class Problem:
         data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])
         chosen = np.array(keep)[self.windows.tiling]
         own = self.likelihood
-        part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.total)
+        part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:

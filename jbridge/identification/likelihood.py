@@ -1,19 +1,24 @@
-"""The criterion that fits minimise and searches compare: the logarithm of each window's error.
+"""The criterion that fits minimise and searches compare: the logarithm of errors in windows.
 
-Errors of a window are taken as Student's t with the window as its unit: the variance of channel `c` in a window is
+The variance of channel `c` in a window is
 
     s2 = (m mse + nu) / (m + nu),
 
-in units of the noise's variance, with `m` the effective number of samples of a window and `nu = 2`. The criterion is
+in units of the noise's variance, with `m` the effective number of samples of a window and `nu = 2`: no window can be
+met better than its noise. The windows of one horizon of a recording are Student's t with one scale `S`, the typical
+variance, which is estimated with all else. The criterion is
 
-    J = sum over recordings and channels of n * mean over horizons of mean over windows of a ln(s2) / 2.
+    J = sum over recordings and channels of n * mean over horizons of mean over windows of a j,
+    j = ln(S) / 2 + ln((1 + s2 / S) / 2).
 
-A window that the model cannot meet yet costs the logarithm of its error, so it does not bend everything else; between
-200 and 100 times the noise as much is gained as between 2 times and once. `n`, the effective number of samples of a
-recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so far leaves: it
-is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley, Supplement to the
-Journal of the Royal Statistical Society 8, 1946). `a` discounts windows at rest, which tell next to nothing of laws of
-motion.
+It goes by the logarithm of the typical error: between 200 and 100 times the noise as much is gained as between 2 times
+and once. Windows near the typical error count by their squares, as in least squares. One that the model cannot meet yet
+costs the logarithm of its error, so it does not bend everything else; and one that happens to be met far better than
+most has no say of its own: a sum of logarithms would have a minimum at each such window. `n`, the effective number of
+samples of a recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so
+far leaves: it is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley,
+Supplement to the Journal of the Royal Statistical Society 8, 1946). `a` discounts windows at rest, which tell next to
+nothing of laws of motion.
 """
 
 import dataclasses
@@ -28,6 +33,8 @@ NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
 _FEW = 1e-9
 """Samples of a window of which the logarithm of its error is as good as linear in the squares."""
+_NEWTON = 12
+"""Steps to a scale."""
 _MOTION = 5.0
 """Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
 
@@ -75,6 +82,8 @@ class Likelihood:
     within: NDArray[np.float64]
     """Effective number of samples within a window, by window and channel: `m`."""
     count: NDArray[np.float64]
+    group: NDArray[np.int64]
+    """Number of each window's recording and horizon, which have a scale together."""
     total: float
     """Effective number of samples of all recordings and channels, `N` of the price."""
 
@@ -82,9 +91,27 @@ class Likelihood:
         """`s2` from the mean square of each window's errors, both over the noise's variance."""
         return (self.within * square + NU) / (self.within + NU)
 
-    def by_window(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Each window's part of the criterion, by window and channel."""
-        return 0.5 * self.share * np.log(self.variance(square))
+    def scale(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+        """`S` of each window and channel: logistic M-estimate of where the logarithms of the variances lie."""
+        level = np.log(self.variance(square))
+        groups = int(self.group.max(initial=-1)) + 1
+        out = np.zeros_like(level)
+        for k in range(level.shape[1]):
+            weight = self.share[:, k]
+            total = np.maximum(np.bincount(self.group, weight, groups), 1e-300)
+            at = np.bincount(self.group, weight * level[:, k], groups) / total
+            for _ in range(_NEWTON):
+                above = 1.0 / (1.0 + np.exp(np.clip(at[self.group] - level[:, k], -300.0, 300.0)))
+                slope = np.bincount(self.group, weight * above * (1.0 - above), groups) / total
+                step = (np.bincount(self.group, weight * above, groups) / total - 0.5) / np.maximum(slope, 0.05)
+                at = at + np.clip(np.where(total > 1e-300, step, 0.0), -2.0, 2.0)
+            out[:, k] = np.exp(at[self.group])
+        return out
+
+    def by_window(self, square: NDArray[np.float64], scale: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Each window's part of the criterion, by window and channel, with the scales of these squares or others."""
+        own = self.scale(square) if scale is None else scale
+        return self.share * (0.5 * np.log(own) + np.log(0.5 * (1.0 + self.variance(square) / own)))
 
     def value(self, square: NDArray[np.float64]) -> float:
         """`J` without a price."""
@@ -92,7 +119,8 @@ class Likelihood:
 
     def of_squares(self) -> "Likelihood":
         """Least squares on the same windows: half the sum of squares over the noise's variance, less a constant."""
-        return Likelihood(self.count * NU / _FEW, np.full(self.count.shape, _FEW), self.count, self.total)
+        share, within = self.count * NU / _FEW, np.full(self.count.shape, _FEW)
+        return Likelihood(share, within, self.count, self.group, self.total)
 
     def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weight of each sample's squared error over the noise's variance, by window and channel.
@@ -100,8 +128,8 @@ class Likelihood:
         With these the sum of squares has the criterion's gradient, and bounds it from above (the logarithm is concave),
         so that what lowers the one lowers the other.
         """
-        slope = self.share * self.within / (self.within + NU) / self.variance(square)
-        return slope / np.maximum(self.count, 1.0)
+        slope = 2.0 * self.share * self.within / (self.within + NU)
+        return slope / (self.scale(square) + self.variance(square)) / np.maximum(self.count, 1.0)
 
 
 def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float64]]) -> Likelihood:
@@ -133,7 +161,8 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
         n = float(np.exp(np.mean(np.log(np.maximum(values, 1.0)))))
         share[own, k] *= n / len(values)
         total += n
-    return Likelihood(share, within, windows.count, total)
+    _, group = np.unique(np.stack([windows.recording, windows.horizon]), axis=1, return_inverse=True)
+    return Likelihood(share, within, windows.count, group, total)
 
 
 def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:

@@ -52,6 +52,39 @@ def test_least_squares_are_half_the_sum_of_squares(data):
     assert found.value(squares[1]) - found.value(squares[0]) == pytest.approx(0.5 * (sums[1] - sums[0]), rel=1e-5)
 
 
+def test_a_scale_is_where_windows_above_and_below_balance(data):
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    square = 10.0 ** np.random.default_rng(2).uniform(-1.0, 5.0, windows.count.shape)
+    scale, variance = found.scale(square)[:, 0], found.variance(square)[:, 0]
+    for horizon in data.horizons:
+        own = windows.horizon == horizon
+        assert len(np.unique(scale[own])) == 1
+        above = np.average(variance[own] / (scale[own] + variance[own]), weights=windows.motion[own, 0])
+        assert above == pytest.approx(0.5, abs=1e-6)
+
+
+def test_half_the_error_gains_as_much_at_any_size(data):
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    square = np.random.default_rng(3).uniform(1e2, 1e5, windows.count.shape)
+    gains = [found.value(4.0 * size * square) - found.value(size * square) for size in (1.0, 1e4)]
+    assert gains == pytest.approx([np.log(2.0) * found.share.sum()] * 2, rel=1e-2)
+
+
+def test_a_window_that_is_met_by_luck_has_no_say(data):
+    """A sum of logarithms would give a window ten times better than most a hundred times the weight."""
+    windows = index(data)
+    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    square = np.full(windows.count.shape, 1e4)
+    weights = []
+    for size in (1e-2, 1.0, 1e2):
+        square[0, 0] = 1e4 * size
+        weights.append(found.weights(square)[0, 0])
+    assert weights[0] < 2.2 * weights[1]
+    assert weights[2] < 0.03 * weights[1]
+
+
 def test_windows_at_rest_count_for_little():
     times = np.arange(400) * 0.01
     still = make_recording("rest.csv", times, u_x=np.sin(times), x=np.full(400, 0.5))
