@@ -143,10 +143,9 @@ def _with(
     )
 
 
-def removals(problem: Problem, base: Structure, now: Structure, among: AmongAll) -> list[Move]:
+def removals(problem: Problem, base: Structure, now: Structure) -> list[Move]:
     """The added effect left out that a linear look at the windows misses least, if it may pay."""
-    beside = among.space.table
-    absent = {name: among.space.absent[beside.positions(name)[0]] for name in beside.names()}
+    absent = {now.space.table.entry(int(p)).name: now.space.table.entry(int(p)).info.null for p in now.point.free}
     absent |= {site: float(getattr(base.plant.bridge, site)) for kind, site in now.names if kind == WRONG_VALUE}
     # A mechanism has no place from which it is absent, so it is left out by a fit alone.
     linear = [name for name in now.names if not is_apart(name[0])]

@@ -65,10 +65,10 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {so_far}")
-        if leaves_nothing(problem, now):
-            break
         try:
-            found = _round(problem, base, now, not number, seen, deadline)
+            found = _smaller(problem, base, now, seen, deadline)
+            if not leaves_nothing(problem, now):
+                found += _larger(problem, now, not number, seen, deadline)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
@@ -88,10 +88,18 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
-def _round(
-    problem: Problem, base: Structure, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
+def _smaller(
+    problem: Problem, base: Structure, now: Structure, seen: set[frozenset[Name]], deadline: float
 ) -> list[Structure]:
-    """All moves that were worth a fit to all windows, fitted."""
+    """The model without one of its effects, or with a simpler law in its place, fitted."""
+    moves = [*removals(problem, base, now), *simplifications(problem, base, now)]
+    return _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
+
+
+def _larger(
+    problem: Problem, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
+) -> list[Structure]:
+    """All models with one effect more that were worth a fit to all windows, fitted; the best with others' beside it."""
     short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
     # Short windows show forces, whole recordings what adds up.
     part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
@@ -106,7 +114,6 @@ def _round(
         for name in names
     }
     moves = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
-    moves += [*removals(problem, base, now, among), *simplifications(problem, base, now)]
     found = _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
     good = sorted((s for s in found if accepts(now, s)), key=lambda s: s.value)
     if good:

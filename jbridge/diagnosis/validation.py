@@ -44,7 +44,7 @@ class Checked:
     status: str
     """`confirmed`, `suggested`, or `event` for what happened once, in the recordings alone."""
     explained: float | None
-    """Share of the hold-out's excess squared error that comes back without it; None where there is none."""
+    """Share of the hold-out's excess squared error that comes back without it; None where none exceeds the noise."""
     loss: float
     """Of the criterion on the hold-out without it [nat],"""
     steady: float
@@ -81,7 +81,8 @@ class Validation:
     train_before: Evaluation
     train_after: Evaluation
     explained: dict[str, float]
-    """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel."""
+    """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel in which
+    it is larger than the noise."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
 
@@ -214,16 +215,33 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
 
 
-def _explained(before: Evaluation, after: Evaluation) -> dict[str, float]:
-    """Share of the excess squared error in windows of 1 s that is closed, by channel with an excess."""
-    horizon = _one_second(before)
-    first, last = before.excess(horizon), after.excess(horizon)
-    return {axis: 1.0 - last[axis] / first[axis] for axis in first if first[axis] > 0.0}
+def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:
+    """Share of the excess squared error that is closed, by channel in which it is larger than the noise.
+
+    Args:
+        before: the model as given.
+        after: the model of which it is told.
+        beside: one that is compared with it in place of the model as given.
+    """
+    horizon, axes = _shown(before)
+    first, last, other = before.excess(horizon), after.excess(horizon), (beside or before).excess(horizon)
+    return {axis: (other[axis] - last[axis]) / first[axis] for axis in axes}
 
 
 def _one_second(run: Evaluation) -> float:
     """The horizon of 1 s, or the nearest that the recordings are long enough for."""
     return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
+
+
+def _shown(before: Evaluation) -> tuple[float, list[str]]:
+    """The horizon of 1 s, and the channels whose excess is larger than the noise there; the next longer horizon where
+    there is none."""
+    nearest = _one_second(before)
+    for horizon in (h for h in before.horizons if h >= nearest):
+        axes = [axis for axis, ratio in before.ratios(horizon).items() if ratio**2 - 1.0 > 1.0]
+        if axes:
+            return horizon, axes
+    return nearest, []
 
 
 def _checked(
@@ -244,10 +262,8 @@ def _checked(
     error = math.sqrt(max(variance, 1.0) / len(root))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     limit = float(student.ppf(_NORMAL_SHARE, freedom))
-    horizon = _one_second(before)
-    first, last, back = before.excess(horizon), complete.excess(horizon), run.excess(horizon)
-    shares = [(back[a] - last[a]) / first[a] for a in first if first[a] > 0.0]
-    explained = float(np.mean(shares)) if shares else None
+    shares = _explained(before, complete, run)
+    explained = float(np.mean(list(shares.values()))) if shares else None
     if mean > limit * error:
         return Checked(name, "confirmed", explained, total, mean / error)
     keys = {key.rsplit(".", 1)[1] for key in final.table.names() if key.startswith(f"{name[0]}@{name[1]}.")}
