@@ -26,6 +26,7 @@ from .design import next_experiment
 from .detection_limits import not_seen
 from .holdout import split_off
 from .localization import location, repeatable
+from .moves import axis_of
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
 from .selection import Search, select
 from .separate import Contender
@@ -218,12 +219,15 @@ def parameters_of(
 def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
     """The model that an effect was added to, and all that were tried in its place, the effect's own first.
 
-    What the final model has as well was not in its place.
+    What the final model has as well was not in its place, and what acts on another axis, where the final model has
+    other effects, was in theirs.
     """
     final = set(search.held[-1].names) - {name}
+    taken = {axis_of(other) for other in final} - {axis_of(name)}
     for before, tried in zip(search.held, search.tried, strict=False):
         adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
-        adding = [s for s in adding if not final & (set(s.names) - set(before.names))]
+        new = [next(iter(set(s.names) - set(before.names))) for s in adding]
+        adding = [s for s, n in zip(adding, new, strict=True) if n not in final and axis_of(n) not in taken]
         own = [s for s in adding if name in s.names and name not in before.names]
         if own and any(name in s.names for s in search.held[search.held.index(before) + 1 :][:1]):
             return before, [own[0], *(s for s in adding if s is not own[0])]

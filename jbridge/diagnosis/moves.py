@@ -23,7 +23,7 @@ from .space import Name, Space, is_apart, make_space
 from .structure import Structure
 
 _TRIAL = 2
-"""Iterations of a first refit."""
+"""Iterations of a first refit, a linear one included."""
 _SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
 """Laws that stand in a map's place, and what is free of them."""
 AT_ONCE = 2
@@ -55,8 +55,8 @@ def added(
 ) -> list[Move]:
     """The effects that a linear screen puts first, refitted on some windows; the best of them.
 
-    A refit begins where the effect is absent and sees short windows alone, which are nearly linear; from there, or from
-    the screen's estimate if that is better, it goes on with whole recordings, where small scales and drifts show.
+    A refit begins with short windows alone, which are nearly linear; from there, or from the screen's estimate if that
+    is better, it goes on with whole recordings, where small scales and drifts show.
     """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
@@ -65,13 +65,14 @@ def added(
     chosen = list(best.values())[: CRITERIA.refitted]
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
-    begun = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
-    *fitted, without = low.solve(space.engine, [*begun, Start(there.vector, there.free, states)], _TRIAL)
+    [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
+    absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
+    # Tangents where all are absent are the same for all.
+    linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
+    begun = _better(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
+    *fitted, without = low.solve(space.engine, [*begun, short.start], _TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
-    pairs = zip(
-        part.evaluate(space.engine, [start for _, _, start in chosen]), part.evaluate(space.engine, after), strict=True
-    )
-    points = part.solve(space.engine, [min(pair, key=lambda p: p.value).start for pair in pairs], _TRIAL)
+    points = part.solve(space.engine, _better(part, space, [start for _, _, start in chosen], after), _TRIAL)
     # Where short windows gain, whole ones follow when they are fitted, too.
     gains = [
         max(there.value - point.value, without.value - short.value) for point, short in zip(points, fitted, strict=True)
@@ -93,6 +94,12 @@ def added(
         move = _with(problem, part, now, among, candidate, point, choice[candidate.name])
         moves.append(dataclasses.replace(move, told_apart=min(rivals, default=math.inf) > value + near))
     return moves
+
+
+def _better(problem: Problem, space: Space, one: Sequence[Start], other: Sequence[Start]) -> list[Start]:
+    """Of each two places to start the one that meets the recordings better."""
+    pairs = zip(problem.evaluate(space.engine, one), problem.evaluate(space.engine, other), strict=True)
+    return [min(pair, key=lambda point: point.value).start for pair in pairs]
 
 
 def axis_of(name: Name) -> str:

@@ -36,8 +36,8 @@ STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
 _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
-_MOST_LANES = 16
-"""Simulations of a call: many share the cost of a step, and fewer are wasted where there are few to do."""
+_LANES = 8
+"""Most simulations of a call. They share the cost of a step; more gain nothing."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 _FAR = 1e3
 _FAST = 1e3
@@ -96,9 +96,8 @@ class Engine:
         self._given = None if given is None else np.arange(len(plant.effects)) < given
         self.substeps = substeps
         self.count = len(courses)
-        # Enough for all processors, few of them in vain.
-        each = math.ceil(jobs / _THREADS)
-        self._lanes = max(1, math.ceil(each / math.ceil(each / _MOST_LANES)))
+        # Enough for all processors, and mostly the same, so that programs serve other recordings as well.
+        self._lanes = _LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS))
         self._width, self._wider = min(width, _WIDEST), width == 0
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
