@@ -39,6 +39,8 @@ def next_experiment(
     setting = problem.setting
     reach = reach_of(setting, [c.plant for c in contenders])
     plays = library(reach, {c.axis for c in contenders})
+    if not plays:
+        return None
     progress(f"designing an experiment that tells {len(contenders)} explanations apart")
     found = separations(_thinned(plays), contenders, problem, reach)
     if not found:

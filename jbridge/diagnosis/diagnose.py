@@ -311,12 +311,15 @@ def _trials(search: Search) -> tuple[Mapping[str, object], ...]:
     """Every model that was fitted to all windows in each round."""
     rows = []
     for number, (before, tried) in enumerate(zip(search.held, search.tried, strict=False), 1):
-        after = search.held[number].names if number < len(search.held) else None
+        after = set(search.held[number].free) if number < len(search.held) else None
         for structure in tried:
             added = sorted(set(structure.names) - set(before.names))
             removed = sorted(set(before.names) - set(structure.names))
-            taken = after is not None and set(structure.names) == set(after)
-            for name, change in [*((n, "added") for n in added), *((n, "left out") for n in removed)]:
+            both = sorted(set(before.names) & set(structure.names))
+            refined = [n for n in both if len(structure.places(n)) > len(before.places(n))]
+            taken = set(structure.free) == after
+            changes = {"added": added, "left out": removed, "refined": refined}
+            for name, change in [(n, change) for change, own in changes.items() for n in own]:
                 rows.append(
                     {
                         "round": number,

@@ -44,6 +44,11 @@ class Move:
     told_apart: bool = False
     """Whether no other addition on its axis came near it when proposals were refitted."""
 
+    @property
+    def numbers(self) -> frozenset[str]:
+        """What is estimated, by which models are told apart."""
+        return frozenset(self.space.table.entry(int(p)).name for p in self.start.free)
+
 
 def added(
     problem: Problem,
@@ -156,6 +161,8 @@ def removals(problem: Problem, base: Structure, now: Structure) -> list[Move]:
     absent |= {site: float(getattr(base.plant.bridge, site)) for kind, site in now.names if kind == WRONG_VALUE}
     # A mechanism has no place from which it is absent, so it is left out by a fit alone.
     linear = [name for name in now.names if not is_apart(name[0])]
+    if len(now.names) < 2:
+        return []
     if len(linear) < 2:
         return [_without(problem, base, now, name) for name in now.names]
     [normal] = problem.normal(now.space.engine, [now.point])
@@ -166,13 +173,32 @@ def removals(problem: Problem, base: Structure, now: Structure) -> list[Move]:
         away = np.zeros(len(now.point.free))
         away[gone] = [absent[now.free[i]] - now.point.vector[now.point.free[i]] for i in gone]
         _, losses[name] = linear_optimum(problem, now.space, now.point, normal, columns, away)
-    return [_without(problem, base, now, min(losses, key=lambda n: losses[n]))]
+    least = min(losses, key=lambda n: losses[n])
+    held = {p: absent[now.space.table.entry(p).name] for p in now.places(least)}
+    return [_without(problem, base, now, least)] if _may_pay(problem, now, held) else []
+
+
+def _may_pay(problem: Problem, now: Structure, at: dict[int, float]) -> bool:
+    """Whether a model with some numbers held loses no more in short windows than all its numbers cost."""
+    low = problem.shortest()
+    states = problem.states_of(now.point.states, low)
+    vector = now.point.vector.copy()
+    vector[list(at)] = list(at.values())
+    free = np.array([p for p in now.point.free if int(p) not in at], np.int64)
+    [before] = low.evaluate(now.space.engine, [Start(now.point.vector, now.point.free, states)])
+    [after] = low.solve(now.space.engine, [Start(vector, free, states)], _TRIAL)
+    return after.value - before.value < now.price
 
 
 def _without(
-    problem: Problem, base: Structure, now: Structure, gone: Name, instead: AbstractEffect | None = None
+    problem: Problem,
+    base: Structure,
+    now: Structure,
+    gone: Name,
+    instead: AbstractEffect | None = None,
+    free_of: tuple[str, ...] = (),
 ) -> Move:
-    """A model without one of its added effects, or with another one in its place."""
+    """A model without one of its added effects, or with another one in its place and these keys of it free."""
     names = tuple(n for n in now.names if n != gone)
     keys = {n: k for n, k in now.keys.items() if n != gone}
     choices = {n: c for n, c in now.choices.items() if n != gone}
@@ -185,26 +211,52 @@ def _without(
     if instead is not None:
         new = instead.kind, instead.site
         effects, names, choices = (*effects, instead), (*names, new), {**choices, new: now.choices[gone]}
-        keys = {**keys, new: _SIMPLER[instead.kind]}
-        left += [f"{instead.kind}@{instead.site}.{key}" for key in _SIMPLER[instead.kind]]
+        keys = {**keys, new: free_of}
+        left += [f"{instead.kind}@{instead.site}.{key}" for key in free_of]
     plant = Plant(bridge, effects)
     space = make_space(problem, plant, known, shared=False)
-    free = np.array([space.table.positions(entry)[0] for entry in left], np.int64)
+    free = np.array([place for entry in left for place in space.table.positions(entry)], np.int64)
     return Move(space, names, keys, choices, Start(space.with_values(plant), free, now.point.states))
 
 
+def _levels(now: Structure, name: Name) -> dict[str, NDArray[np.float64]] | None:
+    """Levels of a map of friction, by key; None where an effect is none."""
+    if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
+        return None
+    table = now.space.table
+    return {key: now.point.vector[table.positions(f"{name[0]}@{name[1]}.{key}")] for key in now.keys[name]}
+
+
 def simplifications(problem: Problem, base: Structure, now: Structure) -> list[Move]:
-    """Each map of friction replaced by a law of one or two levels."""
+    """Each map of friction replaced by a law of one or two levels, if it may pay."""
     out = []
     present = {(e.kind, e.site) for e in now.plant.effects}
     for name in now.names:
-        if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
+        levels = _levels(now, name)
+        if levels is None:
             continue
-        level = float(np.mean(now.point.vector[now.places(name)]))
+        level = float(np.mean(list(levels.values())))
         for kind, keys in _SIMPLER.items():
-            if (kind, name[1]) not in present:
-                simple = make_effect(kind, name[1], dict.fromkeys(keys, level))
-                out.append(_without(problem, base, now, name, simple))
+            means = {key: float(np.mean(levels[key])) if len(keys) > 1 and key in levels else level for key in keys}
+            held = {p: means.get(now.space.table.entry(p).info.key, level) for p in now.places(name)}
+            if (kind, name[1]) not in present and _may_pay(problem, now, held):
+                out.append(_without(problem, base, now, name, make_effect(kind, name[1], means), keys))
+    return out
+
+
+def refinements(problem: Problem, base: Structure, now: Structure) -> list[Move]:
+    """Each map of friction with one place more between each two, from the same law."""
+    out = []
+    for name in now.names:
+        levels = _levels(now, name)
+        if levels is None:
+            continue
+        table = now.space.table
+        places = now.point.vector[[*table.positions(f"{name[0]}@{name[1]}.knots")]]
+        finer = np.sort(np.concatenate([places, 0.5 * (places[1:] + places[:-1])]))
+        values = {key: np.interp(finer, places, own).tolist() for key, own in levels.items()}
+        refined = make_effect(*name, {"knots": finer.tolist(), **values})
+        out.append(_without(problem, base, now, name, refined, now.keys[name]))
     return out
 
 

@@ -11,6 +11,7 @@ from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
 from ..model.effects.base import AXIS_OF_SITE
+from ..model.effects.friction import MAP_KNOTS
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
@@ -35,7 +36,9 @@ class AmongAll:
 
 def seen_among_all(problem: Problem, part: Problem, now: Structure) -> AmongAll:
     """A model, fitted to a part of the windows, in the program that has all other effects beside it."""
-    added = {n for n in now.names if n[0] != WRONG_VALUE and not is_apart(n[0])}
+    # A map that was refined is not the one that stands in the program for all.
+    finer = {(e.kind, e.site) for e in now.plant.effects if np.size(getattr(e, "knots", ())) > MAP_KNOTS}
+    added = {n for n in now.names if n[0] != WRONG_VALUE and not is_apart(n[0])} - finer
     given = len(now.plant.effects) - len([n for n in now.names if n[0] != WRONG_VALUE])
     own = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) not in added)
     # A model and one effect more fit into one call, and into that of the next round, whose program it is.

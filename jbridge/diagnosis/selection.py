@@ -19,9 +19,9 @@ from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Start
 from .criteria import CRITERIA
-from .moves import AT_ONCE, Move, added, axis_of, removals, simplifications, together, with_a_mechanism
+from .moves import AT_ONCE, Move, added, axis_of, refinements, removals, simplifications, together, with_a_mechanism
 from .screening import seen_among_all
-from .space import Name, is_apart, proposals
+from .space import is_apart, proposals
 from .structure import Structure, accepts, leaves_nothing, weighed
 
 _SOME = 3
@@ -55,7 +55,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
     """
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []
-    seen = {frozenset(base.names)}
+    seen = {frozenset(base.free)}
     stopped = "criterion"
     for number in range(CRITERIA.rounds):
         now = held[-1]
@@ -68,7 +68,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         try:
             found = _smaller(problem, base, now, seen, deadline)
             if not leaves_nothing(problem, now):
-                found += _larger(problem, now, not number, seen, deadline)
+                found += _larger(problem, base, now, not number, seen, deadline)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
@@ -79,7 +79,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         if better:
             best = min(better, key=lambda s: s.value)
             held.append(best)
-            seen.add(frozenset(best.names))
+            seen.add(frozenset(best.free))
         if not better or stopped == "budget":
             break
     if stopped != "interrupted":
@@ -89,17 +89,18 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
 
 
 def _smaller(
-    problem: Problem, base: Structure, now: Structure, seen: set[frozenset[Name]], deadline: float
+    problem: Problem, base: Structure, now: Structure, seen: set[frozenset[str]], deadline: float
 ) -> list[Structure]:
     """The model without one of its effects, or with a simpler law in its place, fitted."""
     moves = [*removals(problem, base, now), *simplifications(problem, base, now)]
-    return _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
+    return _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
 
 
 def _larger(
-    problem: Problem, now: Structure, first: bool, seen: set[frozenset[Name]], deadline: float
+    problem: Problem, base: Structure, now: Structure, first: bool, seen: set[frozenset[str]], deadline: float
 ) -> list[Structure]:
-    """All models with one effect more that were worth a fit to all windows, fitted; the best with others' beside it."""
+    """All models with one effect or one finer law more that were worth a fit to all windows, fitted; the best of them
+    with others' effects beside it."""
     short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
     # Short windows show forces, whole recordings what adds up.
     part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
@@ -114,7 +115,8 @@ def _larger(
         for name in names
     }
     moves = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
-    found = _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
+    moves += refinements(problem, base, now)
+    found = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     good = sorted((s for s in found if accepts(now, s)), key=lambda s: s.value)
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
@@ -130,7 +132,7 @@ def _larger(
     if not good or (first and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_a_mechanism(problem, part.of_some(1), now, apart, choice, deadline)
-        found += _all_fitted(problem, [m for m in moves if frozenset(m.names) not in seen], now, deadline)
+        found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     return found
 
 
@@ -139,7 +141,7 @@ def _with_other_axes(
     now: Structure,
     best: Structure,
     others: Sequence[Structure],
-    seen: set[frozenset[Name]],
+    seen: set[frozenset[str]],
     deadline: float,
 ) -> Structure:
     """The best model with what others add on other axes, one after the other, as long as it gains."""
@@ -150,7 +152,7 @@ def _with_other_axes(
             continue
         taken.add(axis_of(new))
         move = together(problem, now, best, other)
-        if frozenset(move.names) not in seen:
+        if move.numbers not in seen:
             joined = _all_fitted(problem, [move], best, deadline)
             best = min([best, *(s for s in joined if accepts(best, s))], key=_value)
     return best

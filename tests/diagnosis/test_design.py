@@ -81,6 +81,18 @@ def test_reach_is_what_was_recorded():
     assert "u_l" not in reach.drives
 
 
+def test_without_a_drive_nothing_is_played():
+    times = np.arange(1000) * 0.01
+    swing = make_recording("swing.csv", times, psi=0.1 * np.cos(3.7 * times))
+    setting = make_setting(Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, "m.toml"), [swing], ())
+    problem = make_problem(setting, make_data([swing], (1.0,)))
+    two = [
+        Contender(kind, "swing", 0.5, make_plant((kind, "swing", {key: 1e-3})), (), np.zeros((0, 0)))
+        for kind, key in (("coulomb_friction", "level"), ("load_drag", "coefficient"))
+    ]
+    assert next_experiment(two, problem, print) is None
+
+
 def test_odds_of_today_count():
     # Without a new recording the likelier one is preferred, right or wrong.
     assert np.exp(log_preferred(9.0, 0.0)) == 0.0

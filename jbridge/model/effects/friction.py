@@ -25,7 +25,7 @@ from .base import (
     uniform_knots,
 )
 
-_MAP_KNOTS = 8
+MAP_KNOTS = 8
 
 
 class CoulombFriction(AbstractFriction):
@@ -106,8 +106,8 @@ class PositionDependentFriction(AbstractFriction):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        knots = uniform_knots(scene, AXIS_OF_SITE[site], _MAP_KNOTS)
-        return [Seed({"knots": knots, "levels": [0.0] * _MAP_KNOTS}, ("levels",))]
+        knots = uniform_knots(scene, AXIS_OF_SITE[site], MAP_KNOTS)
+        return [Seed({"knots": knots, "levels": [0.0] * MAP_KNOTS}, ("levels",))]
 
 
 class PositionDirectionFriction(AbstractFriction):
@@ -126,8 +126,8 @@ class PositionDirectionFriction(AbstractFriction):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        knots = uniform_knots(scene, AXIS_OF_SITE[site], _MAP_KNOTS)
-        null = [0.0] * _MAP_KNOTS
+        knots = uniform_knots(scene, AXIS_OF_SITE[site], MAP_KNOTS)
+        null = [0.0] * MAP_KNOTS
         return [Seed({"knots": knots, "positive": null, "negative": null}, ("positive", "negative"))]
 
 

@@ -42,7 +42,8 @@ class SensorOffset(AbstractSensor):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        return [Seed({}, ("offset",))]
+        # Where x is 0 is a matter of choice: only effects of a place depend on it, and their places are estimated.
+        return [] if site == X_SENSOR else [Seed({}, ("offset",))]
 
 
 class SensorScale(AbstractSensor):
