@@ -37,6 +37,7 @@ def test_every_known_number_but_gravity_may_be_wrong():
 def test_a_whole_bridge_has_a_candidate_for_every_kind_and_site():
     names = {c.name for c in found_for(setting_of(*FULL), make_plant())}
     wanted = {(kind, site) for kind, cls in CATALOGUE.items() for site in cls.sites}
+    wanted -= {("sensor_offset", "x_sensor")}  # where x is 0 is a matter of choice
     assert names == wanted | {(WRONG_VALUE, number) for number in ("cart_mass", "load_mass", "winch_mass")}
 
 
