@@ -1,0 +1,51 @@
+"""Moves of the search that change a law and not a set of effects."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.moves import refinements, simplifications
+from jbridge.diagnosis.space import make_space
+from jbridge.diagnosis.structure import Structure, base_structure, weighed
+from jbridge.identification.data.windows import make_data
+from jbridge.identification.estimation import fit_structure, make_problem
+from jbridge.identification.problem import make_setting
+from jbridge.model.files import Model
+from tests.identification.cases import play, steps
+from tests.problems import NUMBERS, make_plant
+
+NAME = ("position_direction_friction", "cart")
+KNOTS = [0.2, 0.5, 0.8]
+KNOWN = frozenset({"cart_mass", "cart_gain"})
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A problem, its base, and a model with a map beside it; the rig's own friction differs by place and direction."""
+    law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 4.0, 3.0]}
+    plants = [make_plant(), make_plant((*NAME, law))]
+    inputs = np.stack([steps(400, 1), np.zeros(400)], axis=1)
+    run = play(plants[1], inputs, start={"x": 0.5}, seed=1)
+    setting = make_setting(Model(plants[0], KNOWN, frozenset(NUMBERS), {}, "m.toml"), [run], [])
+    problem = make_problem(setting, make_data([run], (1.0,)))
+    problem, given = fit_structure(problem, plants[0], KNOWN)
+    base = base_structure(problem, make_space(problem, plants[0], KNOWN, shared=False), given.point)
+    problem, fitted = fit_structure(problem, plants[1], KNOWN)
+    space = make_space(problem, plants[1], KNOWN, shared=False)
+    free = {NAME: ("positive", "negative")}
+    structure = Structure(space, (NAME,), free, {NAME: 0.0}, fitted.point, np.zeros(0), np.inf)
+    return problem, base, weighed(problem, structure)
+
+
+def test_a_finer_map_starts_from_the_same_law(found):
+    problem, base, now = found
+    [move] = refinements(problem, base, now)
+    [law] = move.space.table.unravel(move.start.vector).effects
+    np.testing.assert_allclose(law.knots, [0.2, 0.35, 0.5, 0.65, 0.8])
+    assert len(move.start.free) == len(now.point.free) + 4
+    [point] = problem.evaluate(move.space.engine, [move.start])
+    assert point.value == pytest.approx(now.point.value, abs=1e-6)
+
+
+def test_a_law_that_loses_more_than_a_map_costs_is_not_tried(found):
+    problem, base, now = found
+    assert now.price < 100.0 and simplifications(problem, base, now) == []
