@@ -372,8 +372,7 @@ def _kept_where_better(
     worse = []
     refused = [np.zeros(len(windows.tiling), bool) for _ in before]
     for i, (old, new) in enumerate(zip(before, after, strict=True)):
-        scale = likelihood.scale(old.square)
-        loss = (likelihood.by_window(new.square, scale) - likelihood.by_window(old.square, scale)).sum(axis=1)
+        loss = (likelihood.by_window(new.square) - likelihood.by_window(old.square)).sum(axis=1)
         if (loss > 0).any():
             worse.append(i)
     if not worse:
@@ -387,9 +386,8 @@ def _kept_where_better(
     )
     out = list(after)
     for i, former in zip(worse, again, strict=True):
-        new, scale = after[i], likelihood.scale(before[i].square)
-        loss = (likelihood.by_window(new.square, scale) - likelihood.by_window(former.square, scale)).sum(axis=1)
-        better = loss > 0
+        new = after[i]
+        better = likelihood.by_window(former.square).sum(axis=1) < likelihood.by_window(new.square).sum(axis=1)
         states = tuple(
             np.where(better[windows.tiling == k][:, None], former.states[k], new.states[k])
             for k in range(len(data.tilings))
