@@ -40,7 +40,7 @@ def with_tables(text: str, page: str) -> str:
             content = content.split("\n## ")[0].strip()
         content = re.sub(r"^#[^#].*\n+", "", content)  # the page has a heading of its own
         content = re.sub(r"^(#+ )", r"#\1", content, flags=re.MULTILINE)
-        content = re.sub(r"\]\(([\w-]+\.md)\)", rf"]({figures}/\1)", content)
+        content = re.sub(r"\]\(([\w-]+\.(?:md|png))\)", rf"]({figures}/\1)", content)
         text = f"{before}{begin}\n\n{content}\n\n{end}{rest.split(end)[1]}"
     return text
 
