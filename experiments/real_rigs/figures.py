@@ -99,14 +99,17 @@ def picture(rows: dict[str, Row]) -> plt.Figure:
         for axis, noise in row["fit"]["noise"].items():
             for when, style in (("before", "--"), ("after", "-")):
                 values = [h["typical"][when].get(axis, float("nan")) / noise for h in horizons]
-                label = f"{NAMES[axis]}, {when}"
-                place.loglog(seconds, values, style, color=colours[axis], marker="o", ms=3, label=label)
+                place.loglog(seconds, values, style, color=colours[axis], marker="o", ms=3)
         place.axhline(1.0, color="grey", lw=0.8)
         place.set_title(name, fontsize=9)
         place.set_xticks(seconds, [f"{s:g}" for s in seconds])
         place.minorticks_off()
         place.tick_params(labelsize=7)
-        place.legend(fontsize=6)
+    keys = [plt.Line2D([], [], color=colour, label=NAMES[axis]) for axis, colour in colours.items()]
+    keys += [
+        plt.Line2D([], [], color="black", ls=style, label=when) for when, style in (("before", "--"), ("after", "-"))
+    ]
+    figure.legend(handles=keys, loc="outside upper center", ncols=len(keys), fontsize=8)
     figure.supxlabel("prediction horizon [s]", fontsize=9)
     figure.supylabel("typical error over noise, hold-out", fontsize=9)
     return figure
