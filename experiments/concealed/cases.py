@@ -1,10 +1,10 @@
-"""The concealed cases: four parts, drawn from four seeds.
+"""The concealed cases: five parts, each drawn from a seed of its own.
 
 A case is a truth (numbers, effects, what was concealed, what a perfect answer would be), a model with wrong
 numbers and without the concealed effects, and a plan of recordings. The `dev` half serves for choosing
-settings, the `proof` half for the proof. `wide` is a larger proof, with every effect at three severities, and
-`fresh` a smaller one for the method when it is done, each case once. Which case holds what is shuffled, so a case's
-number says nothing.
+settings, and so does `rough`, which is closer to real rigs; the `proof` half for the proof. `wide` is a larger proof,
+with every effect at three severities, and `fresh` a smaller one for the method when it is done, each case once. Which
+case holds what is shuffled, so a case's number says nothing.
 """
 
 import hashlib
@@ -14,11 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from kinds import Draw, draw
-from makeup import HALVES
+from makeup import AXES, CLUTTER, HALVES
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "fresh": 91350746}
+MASTER = {
+    "dev": 20240607,
+    "proof": 77310185,
+    "wide": 50421962,
+    "rough": 60417253,
+    "clutter": 60417254,
+    "fresh": 91350746,
+}
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
         "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist"}  # fmt: skip
@@ -139,12 +146,21 @@ def _scaled(name: str, error: float, sizes: dict) -> float:
     return float(f"{error / np.exp(np.mean(rates)):.3g}") if rates else 1.0
 
 
+def _clutter(flavour: str, severity: float, sizes: dict, d: Draw) -> list[dict]:
+    """Four to eight pieces of clutter (fewer where the rig has fewer sorts), each a tenth of the error or less."""
+    sorts = [name for axis in AXES[flavour] for name in CLUTTER[axis]]
+    chosen = d.key.permutation(sorts)[: d.key.integers(4, 9)].tolist()
+    sized = [(name, _scaled(name, severity * d.u(0.03, 0.1), sizes)) for name in chosen]
+    return [draw(*name.split(), d.key, size) for name, size in sized]
+
+
 def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     d = Draw(key)
     words = line.split(maxsplit=1)
     flavour, rest = words[0], words[1]
     loop = "closed" if rest.endswith(" closed") else "open"
-    rest, _, severity = rest.removesuffix(" closed").partition(" at ")
+    rest, cluttered, _ = rest.removesuffix(" closed").partition(" in clutter")
+    rest, _, severity = rest.partition(" at ")
     names = [] if rest.startswith("null") else rest.split(" + ")
     bridge = _bridge(d, names)
     owned = [_owned(name, bridge, d) for name in OWNED[flavour]]
@@ -166,6 +182,8 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
             size = own or (_scaled(name, float(severity), sizes) if severity else 1.0)
             concealed.append(draw(kind, site, key, size))
     played = owned + [e for e in concealed if e["kind"] != "wrong_value" and e not in owned]
+    clutter = _clutter(flavour, float(severity), sizes, d) if cluttered else []
+    played += clutter
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]
     equivalents = [

@@ -7,6 +7,7 @@ lag, gain.
 import math
 from collections.abc import Callable
 
+import clutter
 from effects import Effect, Layout, Vector
 from uncatalogued import DRIVE_STAGES
 
@@ -57,6 +58,7 @@ STAGES: dict[str, Callable[[Effect, Layout, float], Stage]] = {
     "gain_drift": _gain_drift,
     "drum_radius_change": _drum_radius_change,
     **DRIVE_STAGES,
+    **clutter.DRIVE_STAGES,
     "actuator_lag": _actuator_lag,
 }
 """In the order in which they compose."""

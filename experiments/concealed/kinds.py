@@ -49,6 +49,10 @@ def _wind(d: Draw, s: float) -> dict:
     return {"force": s * d.sign() * d.u(0.008, 0.02), "start": start, "stop": round(start + d.u(3.0, 6.0), 3)}
 
 
+def _waves(d: Draw, level: float, slowest: float, fastest: float) -> dict:
+    return {"level": level, "slowest": slowest, "fastest": fastest, "seed": int(d.key.integers(1, 2**31))}
+
+
 def _jump(d: Draw, low: float, high: float, count: float, s: float) -> dict:
     return {"jump": d.sign() * count * max(round(s * d.u(low, high) / count), 1), "time": d.u(4.0, 9.0)}
 
@@ -120,6 +124,19 @@ KINDS = {
     ("lift", "swing"): lambda d, s: {"coefficient": s * d.u(0.3, 0.6)},
     ("cubic_gain", "cart_drive"): lambda d, s: {"volts": d.u(7.0, 10.0) / s},
     ("shared_supply", "hoist_drive"): lambda d, s: {"share": s * d.u(0.05, 0.1)},
+    ("rail_joints", "cart"): lambda d, s: {"level": s * 0.3, "seed": int(d.key.integers(1, 2**31))},
+    ("cable_bundle", "cart"): lambda d, s: {"level": s * 0.1, "rest": d.u(0.6, 0.9)},
+    ("skewed_wheels", "cart"): lambda d, s: {"level": s * 1.0, "rest": d.u(0.5, 1.0)},
+    ("warming_grease", "cart"): lambda d, s: {"level": s * 0.5},
+    ("floor_shaking", "cart"): lambda d, s: _waves(d, s * 0.1, 0.3, 4.0),
+    ("worn_hinge", "swing"): lambda d, s: {"level": s * 0.002},
+    ("rope_twist", "swing"): lambda d, s: {"level": s * 0.05},
+    ("room_draught", "swing"): lambda d, s: _waves(d, s * 5e-4, 0.05, 0.5),
+    ("drum_seams", "hoist"): lambda d, s: {"level": s * 0.2, "seed": int(d.key.integers(1, 2**31))},
+    ("motor_hum", "hoist"): lambda d, s: _waves(d, s * 0.1, 0.3, 4.0),
+    ("dry_bearing", "hoist"): lambda d, s: {"level": s * 0.3},
+    ("mains_ripple", "cart_drive"): lambda d, s: _waves(d, s * 0.01, 0.3, 3.0),
+    ("mains_ripple", "hoist_drive"): lambda d, s: _waves(d, s * 0.02, 0.3, 3.0),
 }  # fmt: skip
 
 

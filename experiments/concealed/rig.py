@@ -12,6 +12,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+import clutter
 import effects as catalogue
 import uncatalogued
 from drives import SAMPLE, Drive
@@ -21,7 +22,7 @@ from sensors import Sensor
 
 SUBSTEPS = round(SAMPLE / DT)
 FRICTION = {**catalogue.FRICTION, **uncatalogued.FRICTION}
-FORCES = {**catalogue.FORCES, **uncatalogued.FORCES}
+FORCES = {**catalogue.FORCES, **uncatalogued.FORCES, **clutter.FORCES}
 LOAD = {**catalogue.LOAD, **uncatalogued.LOAD}
 
 Commands = np.ndarray | Callable[[float, dict[str, float]], tuple[float, float]]
