@@ -29,9 +29,9 @@ import jax.export
 
 _DAYS_KEPT = 30
 """Folders of versions of the sources that have not run for so long are removed."""
-_LARGE = 2.5 * 2**30
-"""Resident memory [byte] from which programs that may not be needed again are dropped; a stage of a diagnosis with a
-fine map of friction takes another gigabyte."""
+_LARGE = 1.25 * 2**30
+"""Resident memory [byte] from which programs that may not be needed again are dropped; a round of a search with a fine
+map of friction takes another half of that."""
 _GROWN = 0.5 * 2**30
 """By how much a process must have grown since it last dropped programs [byte]."""
 _without = 0.0

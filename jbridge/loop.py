@@ -113,7 +113,7 @@ def closed_loop(
         lane = Lane(t, step[None], inputs, jnp.full(memory, step), moving)
         told, _ = timetable(plant, lane, substeps)
         interval = jax.tree.map(lambda leaf: leaf[0], told)._replace(number=number)
-        motions = advance(plant, carry.motions, interval, moving, method=method, reverse=reverse)
+        motions = advance(plant, carry.motions, interval, moving, method=method, looped=reverse)
         later = jax.tree.map(
             lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), carry.trail, (motions.q, motions.v)
         )

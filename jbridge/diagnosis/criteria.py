@@ -21,7 +21,10 @@ class Criteria:
     refitted: int = 9
     """Proposals that are refitted in each round; fewer miss what a linear screen underrates, more take time."""
     polished: int = 3
-    """Of these, models that are fitted to all windows."""
+    """Of these, models that are fitted to all windows at most, and one more for each further axis."""
+    worth: float = 0.5
+    """Share of what the best proposal on an axis promises that another one there must promise to be fitted to all
+    windows."""
     rounds: int = 12
     """Most effects that a search adds; a guard, not a limit that is met."""
     apart: float = 0.05

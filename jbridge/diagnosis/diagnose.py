@@ -277,7 +277,7 @@ def _rival(search: Search, before: Structure, own: Structure, probability: float
         (WHOLE,),
         search.problem.data.samples,
     )
-    run: Evaluation = judge.evaluate(own.plant)
+    run: Evaluation = judge.evaluate(own.plant, own.space.engine)
     return Rival(*name, probability, parameters_of(*name, values), run.errors(WHOLE))
 
 

@@ -43,6 +43,8 @@ class Move:
     """The parameters at which what is added is absent."""
     told_apart: bool = False
     """Whether no other addition on its axis came near it when proposals were refitted."""
+    promise: float = 0.0
+    """What it should gain beyond its price, by its fit to a part of the windows or by their quadratics."""
 
     @property
     def numbers(self) -> frozenset[str]:
@@ -78,9 +80,11 @@ def added(
     *fitted, without = low.solve(space.engine, [*begun, short.start], _TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, _better(part, space, [start for _, _, start in chosen], after), _TRIAL)
-    # Where short windows gain, whole ones follow when they are fitted, too.
+    # Where short windows gain, whole ones follow when they are fitted, too. What a part gains, all do in proportion.
+    whole, few = problem.share_of(part), problem.share_of(low)
     gains = [
-        max(there.value - point.value, without.value - short.value) for point, short in zip(points, fitted, strict=True)
+        max((there.value - point.value) / whole, (without.value - short.value) / few)
+        for point, short in zip(points, fitted, strict=True)
     ]
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     order = []
@@ -91,13 +95,20 @@ def added(
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
     first = {axis_of(candidate.name): k for k, (_, candidate, _) in reversed(list(enumerate(order)))}
     count = CRITERIA.polished + len(first) - 1
-    kept = list(dict.fromkeys([*first.values(), *range(len(order))]))[:count]
+
+    def promises(k: int) -> bool:
+        value, candidate, _ = order[k]
+        best = order[first[axis_of(candidate.name)]][0]
+        return k == 0 or (value < 0.0 and value <= CRITERIA.worth * best)
+
+    kept = [k for k in dict.fromkeys([*first.values(), *range(len(order))]) if promises(k)][:count]
     near = math.log(1.0 / CRITERIA.apart)
     moves = []
     for value, candidate, point in (order[k] for k in sorted(kept)):
         rivals = [v for v, c, _ in order if c is not candidate and axis_of(c.name) == axis_of(candidate.name)]
         move = _with(problem, part, now, among, candidate, point, choice[candidate.name])
-        moves.append(dataclasses.replace(move, told_apart=min(rivals, default=math.inf) > value + near))
+        apart = min(rivals, default=math.inf) > value + near
+        moves.append(dataclasses.replace(move, told_apart=apart, promise=-value))
     return moves
 
 
@@ -244,9 +255,10 @@ def simplifications(problem: Problem, base: Structure, now: Structure) -> list[M
     return out
 
 
-def refinements(problem: Problem, base: Structure, now: Structure) -> list[Move]:
-    """Each map of friction with one place more between each two, from the same law."""
+def refinements(problem: Problem, base: Structure, now: Structure, others: Sequence[Move]) -> list[Move]:
+    """Each map of friction with one place more between each two, from the same law, if it may compete with others."""
     out = []
+    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     for name in now.names:
         levels = _levels(now, name)
         if levels is None:
@@ -256,7 +268,14 @@ def refinements(problem: Problem, base: Structure, now: Structure) -> list[Move]
         finer = np.sort(np.concatenate([places, 0.5 * (places[1:] + places[:-1])]))
         values = {key: np.interp(finer, places, own).tolist() for key, own in levels.items()}
         refined = make_effect(*name, {"knots": finer.tolist(), **values})
-        out.append(_without(problem, base, now, name, refined, now.keys[name]))
+        move = _without(problem, base, now, name, refined, now.keys[name])
+        [point] = problem.evaluate(move.space.engine, [move.start])
+        [normal] = problem.normal(move.space.engine, [point])
+        _, value = linear_optimum(problem, move.space, point, normal, range(len(point.free)))
+        promise = now.point.value - value - unit * (len(point.free) - len(now.point.free))
+        rivals = [m.promise for m in others if axis_of(m.names[-1]) == axis_of(name)]
+        if promise > CRITERIA.worth * max([0.0, *rivals]):
+            out.append(dataclasses.replace(move, promise=promise))
     return out
 
 
@@ -266,9 +285,20 @@ def with_a_mechanism(
     now: Structure,
     apart: Sequence[Candidate],
     choice: dict[Name, float],
+    best: Structure | None,
     deadline: float,
 ) -> list[Move]:
-    """The best effect with a program of its own, refitted on some of the shorter windows beside the model alone."""
+    """The best effect with a program of its own, refitted on some windows, if it may compete with another model there.
+
+    Args:
+        problem: recordings.
+        part: some of their windows.
+        now: the model that an effect is added to.
+        apart: effects with programs of their own.
+        choice: logarithm of the number of alternatives, by effect.
+        best: the best model with one effect more so far, if there is one.
+        deadline: of `time.monotonic` [s].
+    """
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     [there] = part.solve(now.space.engine, [begun], _TRIAL)
     by_name: dict[Name, list[Candidate]] = {}
@@ -299,7 +329,12 @@ def with_a_mechanism(
         found = [t for t in pool.map(tried, by_name) if t is not None]
     if not found:
         return []
-    _, own, candidate, point = min(found, key=lambda t: t[0])
+    value, own, candidate, point = min(found, key=lambda t: t[0])
+    if best is not None:
+        begun = Start(best.point.vector, best.point.free, problem.states_of(best.point.states, part))
+        [other] = part.solve(best.space.engine, [begun], _TRIAL)
+        if there.value - value < CRITERIA.worth * (there.value - other.value):
+            return []
     space = make_space(problem, own, known, shared=False)
     keys, choices = (
         {**now.keys, candidate.name: candidate.free},

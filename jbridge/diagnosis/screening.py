@@ -20,8 +20,8 @@ from .structure import Structure, squares
 
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
-_MORE, _COLUMNS = 4, 6
-"""Numbers of an effect that most have at most; columns by which a call grows."""
+_COLUMNS = 12
+"""Parameter columns of a call, always the same, so that one program serves a whole search."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 
@@ -41,9 +41,7 @@ def seen_among_all(problem: Problem, part: Problem, now: Structure) -> AmongAll:
     added = {n for n in now.names if n[0] != WRONG_VALUE and not is_apart(n[0])} - finer
     given = len(now.plant.effects) - len([n for n in now.names if n[0] != WRONG_VALUE])
     own = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) not in added)
-    # A model and one effect more fit into one call, and into that of the next round, whose program it is.
-    width = _COLUMNS * math.ceil((len(now.free) + _MORE) / _COLUMNS)
-    space = make_space(problem, Plant(now.plant.bridge, own), now.known, width=width)
+    space = make_space(problem, Plant(now.plant.bridge, own), now.known, width=_COLUMNS)
     places = np.array([space.table.positions(name)[0] for name in now.free], np.int64)
     [point] = part.evaluate(space.engine, [Start(space.with_values(now.plant), places, now.point.states)])
     return AmongAll(space, point)

@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from .._programs import forget_if_large
 from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Start
@@ -82,6 +83,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
             seen.add(frozenset(best.free))
         if not better or stopped == "budget":
             break
+        forget_if_large()
     if stopped != "interrupted":
         [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
         held[-1] = weighed(problem, dataclasses.replace(held[-1], point=point))
@@ -115,7 +117,7 @@ def _larger(
         for name in names
     }
     moves = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
-    moves += refinements(problem, base, now)
+    moves += refinements(problem, base, now, moves)
     found = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     good = sorted((s for s in found if accepts(now, s)), key=lambda s: s.value)
     if good:
@@ -131,7 +133,7 @@ def _larger(
     # simpler leaves nothing.
     if not good or (first and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
-        moves = with_a_mechanism(problem, part.of_some(1), now, apart, choice, deadline)
+        moves = with_a_mechanism(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     return found
 

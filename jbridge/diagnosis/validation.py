@@ -152,33 +152,30 @@ def validate(
     own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
     given, before = _given(problem, base, judge)
     final = of_its_own(found) if found.names else given
-    train_before = own.evaluate(given.plant)
+    train_before = own.evaluate(given.plant, given.engine)
     if not found.names:
         return Validation(
             (), given, given, before, before, train_before, train_before, {}, _scatters(problem, holdout, before)
         )
-    complete = judge.evaluate(final.plant)
+    complete = judge.evaluate(final.plant, final.engine)
     criterion = likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
     checked = []
     for name in found.names:
         tell(f"leaving out {name[0]} ({name[1]})")
         reduced = _refitted(problem, final, base, [name])
-        run = judge.evaluate(reduced.plant)
+        run = judge.evaluate(reduced.plant, reduced.engine)
         loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
         checked.append(_checked(name, loss, before, complete, run, final))
     events = [c.name for c in checked if c.status == "event"]
     if events:
         final = _refitted(problem, final, base, events, own=True)
-        complete = judge.evaluate(final.plant)
+        complete = judge.evaluate(final.plant, final.engine)
     doubtful = [c.name for c in checked if c.status == "suggested"]
-    sure = complete
-    if doubtful:
-        sure = (
-            judge.evaluate(_refitted(problem, final, base, doubtful).plant)
-            if len(doubtful) < len(final.names)
-            else before
-        )
+    sure = complete if not doubtful else before
+    if doubtful and len(doubtful) < len(final.names):
+        reduced = _refitted(problem, final, base, doubtful)
+        sure = judge.evaluate(reduced.plant, reduced.engine)
     return Validation(
         tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
         given,
@@ -186,7 +183,7 @@ def validate(
         before,
         complete,
         train_before,
-        own.evaluate(final.plant),
+        own.evaluate(final.plant, final.engine),
         _explained(before, sure),
         _scatters(problem, holdout, before),
     )
@@ -199,7 +196,7 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
     [point] = squares.solve(base.space.engine, [base.point.start], _REFIT)
     found = []
     for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
-        run = judge.evaluate(each.plant)
+        run = judge.evaluate(each.plant, each.space.engine)
         ratios = run.ratios(_one_second(run))
         found.append((sum(r * r for r in ratios.values()), of_its_own(each), run))
     _, given, before = min(found, key=lambda f: f[0])
@@ -210,7 +207,8 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     """What is known of an interrupted search: the recordings beside the model as given and what was found."""
     own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
     final = of_its_own(found)
-    before, after = own.evaluate(base.plant), own.evaluate(final.plant)
+    before = own.evaluate(base.plant, base.space.engine)
+    after = own.evaluate(final.plant, final.engine)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
     return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
 
@@ -225,7 +223,7 @@ def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None 
     """
     horizon, axes = _shown(before)
     first, last, other = before.excess(horizon), after.excess(horizon), (beside or before).excess(horizon)
-    return {axis: (other[axis] - last[axis]) / first[axis] for axis in axes}
+    return {axis: (other[axis] - last[axis]) / max(first[axis], other[axis]) for axis in axes}
 
 
 def _one_second(run: Evaluation) -> float:

@@ -82,6 +82,10 @@ class Problem:
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
+    def share_of(self, part: "Problem") -> float:
+        """What the windows of a part count of all."""
+        return float(part.likelihood.share.sum() / max(self.likelihood.share.sum(), 1e-300))
+
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
         """Those initial states that belong to the tilings of a part of this problem."""
         kept = {(t.recording, t.horizon) for t in part.data.tilings}
@@ -127,13 +131,15 @@ def make_problem(setting: Setting, data: Data) -> Problem:
     return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
 
 
-def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = None, width: int = 0) -> Engine:
+def engine_for(
+    setting: Setting, data: Data, plant: Plant, given: int | None = None, width: int = 0, lanes: int = 0
+) -> Engine:
     """Compiled simulations of a plant on recordings.
 
     Args:
         setting, data: of the recordings.
         plant: what is simulated.
-        given, width: see `Engine`.
+        given, width, lanes: see `Engine`.
     """
     table = ParameterTable(plant)
     own = overrides(table, data.recordings)
@@ -144,7 +150,7 @@ def engine_for(setting: Setting, data: Data, plant: Plant, given: int | None = N
         for g, override in zip(data.grids, own, strict=True)
     ]
     step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given, width)
+    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given, width, lanes)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:

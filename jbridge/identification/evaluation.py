@@ -112,21 +112,21 @@ class Judge:
     data: Data
     """and the windows that begin there, whose errors count after them."""
 
-    def evaluate(self, plant: Plant, engine: Engine | None = None) -> Evaluation:
+    def evaluate(self, plant: Plant, like: Engine | None = None) -> Evaluation:
         """Errors of a model.
 
         Args:
             plant: the model.
-            engine: of that plant on these recordings, if there is one.
+            like: an engine of such a plant on other recordings, whose programs serve again.
         """
-        if engine is None:
-            engine = self.engine(plant)
+        engine = self.engine(plant, like)
         vector = np.array(engine.table.ravel(plant), dtype=float)
         return self.at(engine, vector)
 
-    def engine(self, plant: Plant) -> Engine:
-        """Compiled simulations of a plant on these recordings."""
-        return engine_for(self.setting, self.data, plant)
+    def engine(self, plant: Plant, like: Engine | None = None) -> Engine:
+        """Compiled simulations of a plant on these recordings, see `evaluate`."""
+        width, lanes = (0, 0) if like is None else (like.width, like.lanes)
+        return engine_for(self.setting, self.data, plant, width=width, lanes=lanes)
 
     def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
         """Errors of a model, by its engine and parameters."""

@@ -74,7 +74,10 @@ def fit(
     judges = [(make_judge(setting, recordings, setting.noise, samples=samples), "train")]
     if holdout:
         judges.append((make_judge(setting, holdout, setting.noise, samples=samples), "holdout"))
-    runs = [(judge.evaluate(given), judge.evaluate(fitted.plant), role) for judge, role in judges]
+    runs = [
+        (judge.evaluate(given, fitted.engine), judge.evaluate(fitted.plant, fitted.engine), role)
+        for judge, role in judges
+    ]
     shown = [trace for a, b, role in runs for trace in traces((given, a), (fitted.plant, b), role)]
     return Fit(
         dataclasses.replace(model, plant=fitted.plant, uncertainty=as_uncertainty(found)),

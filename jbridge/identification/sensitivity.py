@@ -81,6 +81,7 @@ class Engine:
         jobs: int,
         given: int | None = None,
         width: int = 0,
+        lanes: int = 0,
     ):
         """Args:
         plant: gives the structure, and the numbers at which effects are absent.
@@ -90,6 +91,7 @@ class Engine:
         given: number of effects, from the first, that all structures have; of the others a simulation computes those
             alone of which some number is free or not the plant's. By default all structures have all.
         width: parameter columns of a call; by default as many as are wanted at a time.
+        lanes: simulations of a call; by default as many as `jobs` ask for.
         """
         self.table = ParameterTable(plant)
         self._absent = np.array(self.table.ravel(plant), dtype=float)
@@ -97,12 +99,17 @@ class Engine:
         self.substeps = substeps
         self.count = len(courses)
         # Enough for all processors, and mostly the same, so that programs serve other recordings as well.
-        self._lanes = _LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS))
+        self.lanes = lanes or (_LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS)))
         self._width, self._wider = min(width, _WIDEST), width == 0
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
         moving = np.array([np.any(flag) for flag in self._courses.lane.active])
         self._moving = np.flatnonzero(np.tile(moving, 2))
+
+    @property
+    def width(self) -> int:
+        """Parameter columns of a call so far."""
+        return self._width
 
     def predict(self, jobs: Sequence[Job]) -> list[NDArray[np.float64]]:
         """Readings of every job, `(sample, 3)`."""
@@ -165,7 +172,7 @@ class Engine:
         keep: Callable[[int, NDArray[np.int64], int, tuple[NDArray[np.float64], ...]], None],
     ) -> None:
         """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order."""
-        lanes = self._lanes
+        lanes = self.lanes
         calls = [parts[a : a + lanes] for a in range(0, len(parts), lanes)]
 
         def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
@@ -265,7 +272,7 @@ def _simulated(
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
         told, begins, q, v = now
         carry = _set(carry, begins, q, v)
-        after = _bounded(advance(plant, carry, told, lane.active, method=MIDPOINT))
+        after = _bounded(advance(plant, carry, told, lane.active, method=MIDPOINT, looped=True))
         return after, (carry.q, carry.v)
 
     along = jax.tree.map(lambda part: part[:-1], (restart, q, v))

@@ -1,5 +1,7 @@
 """Moves of the search that change a law and not a set of effects."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -15,16 +17,18 @@ from tests.problems import NUMBERS, make_plant
 
 NAME = ("position_direction_friction", "cart")
 KNOTS = [0.2, 0.5, 0.8]
+FINER = [0.2, 0.35, 0.5, 0.65, 0.8]
 KNOWN = frozenset({"cart_mass", "cart_gain"})
 
 
 @pytest.fixture(scope="module")
 def found():
-    """A problem, its base, and a model with a map beside it; the rig's own friction differs by place and direction."""
+    """A problem, its base, and a model with a map beside it; the rig's own friction has twice as many places."""
     law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 4.0, 3.0]}
+    true = {"knots": FINER, "positive": [3.0, 5.0, 4.0, 6.0, 5.0], "negative": [5.0, 3.0, 4.0, 2.0, 3.0]}
     plants = [make_plant(), make_plant((*NAME, law))]
     inputs = np.stack([steps(400, 1), np.zeros(400)], axis=1)
-    run = play(plants[1], inputs, start={"x": 0.5}, seed=1)
+    run = play(make_plant((*NAME, true)), inputs, start={"x": 0.5}, seed=1)
     setting = make_setting(Model(plants[0], KNOWN, frozenset(NUMBERS), {}, "m.toml"), [run], [])
     problem = make_problem(setting, make_data([run], (1.0,)))
     problem, given = fit_structure(problem, plants[0], KNOWN)
@@ -38,12 +42,21 @@ def found():
 
 def test_a_finer_map_starts_from_the_same_law(found):
     problem, base, now = found
-    [move] = refinements(problem, base, now)
+    [move] = refinements(problem, base, now, [])
     [law] = move.space.table.unravel(move.start.vector).effects
-    np.testing.assert_allclose(law.knots, [0.2, 0.35, 0.5, 0.65, 0.8])
+    np.testing.assert_allclose(law.knots, FINER)
     assert len(move.start.free) == len(now.point.free) + 4
     [point] = problem.evaluate(move.space.engine, [move.start])
     assert point.value == pytest.approx(now.point.value, abs=1e-6)
+
+
+def test_a_finer_map_competes_on_its_own_axis_alone(found):
+    problem, base, now = found
+    [move] = refinements(problem, base, now, [])
+    other = dataclasses.replace(move, promise=3.0 * move.promise)
+    assert move.promise > 0.0 and refinements(problem, base, now, [other]) == []
+    beside = dataclasses.replace(other, names=(("coulomb_friction", "swing"),))
+    assert len(refinements(problem, base, now, [beside])) == 1
 
 
 def test_a_law_that_loses_more_than_a_map_costs_is_not_tried(found):
