@@ -5,10 +5,12 @@ import math
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import PART_OF
 from ..identification.solver import Point, Start
@@ -80,36 +82,51 @@ def added(
     *fitted, without = low.solve(space.engine, [*begun, short.start], _TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, _better(part, space, [start for _, _, start in chosen], after), _TRIAL)
-    # Where short windows gain, whole ones follow when they are fitted, too. What a part gains, all do in proportion.
-    whole, few = problem.share_of(part), problem.share_of(low)
-    gains = [
-        max((there.value - point.value) / whole, (without.value - short.value) / few)
-        for point, short in zip(points, fitted, strict=True)
-    ]
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     order = []
-    for (_, candidate, _), point, gain in zip(chosen, points, gains, strict=True):
+    for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
         numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
-        order.append((unit * numbers + choice[candidate.name] - gain, candidate, point))
-    order.sort(key=lambda found: found[0])
+        price = unit * numbers + choice[candidate.name]
+        gains = there.value - point.value, without.value - short_point.value
+        order.append(_Tried(candidate, point, (gains[0] - price, gains[1] - price)))
+    order.sort(key=lambda tried: -tried.promise)
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
-    first = {axis_of(candidate.name): k for k, (_, candidate, _) in reversed(list(enumerate(order)))}
-    count = CRITERIA.polished + len(first) - 1
-
-    def promises(k: int) -> bool:
-        value, candidate, _ = order[k]
-        best = order[first[axis_of(candidate.name)]][0]
-        return k == 0 or (value < 0.0 and value <= CRITERIA.worth * best)
-
-    kept = [k for k in dict.fromkeys([*first.values(), *range(len(order))]) if promises(k)][:count]
+    first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
+    others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
+    kept = list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1]
     near = math.log(1.0 / CRITERIA.apart)
     moves = []
-    for value, candidate, point in (order[k] for k in sorted(kept)):
-        rivals = [v for v, c, _ in order if c is not candidate and axis_of(c.name) == axis_of(candidate.name)]
-        move = _with(problem, part, now, among, candidate, point, choice[candidate.name])
-        apart = min(rivals, default=math.inf) > value + near
-        moves.append(dataclasses.replace(move, told_apart=apart, promise=-value))
+    for tried in (order[k] for k in sorted(kept)):
+        candidate = tried.candidate
+        rivals = [t.promise for t in order if t is not tried and t.axis == tried.axis]
+        move = _with(problem, part, now, among, candidate, tried.point, choice[candidate.name])
+        apart = max(rivals, default=-math.inf) < tried.promise - near
+        moves.append(dataclasses.replace(move, told_apart=apart, promise=tried.promise))
     return moves
+
+
+class _Tried(NamedTuple):
+    """A proposal that was refitted."""
+
+    candidate: Candidate
+    point: Point
+    gains: tuple[float, float]
+    """Beyond its price, in some windows and in short ones alone: where short ones gain, long ones follow when they are
+    fitted, too."""
+
+    @property
+    def promise(self) -> float:
+        return max(self.gains)
+
+    @property
+    def axis(self) -> str:
+        return axis_of(self.candidate.name)
+
+
+def _may_win(every: Sequence[_Tried], tried: _Tried) -> bool:
+    """Whether a proposal comes near the best one on its axis, in some windows or in short ones."""
+    best = [max(t.gains[k] for t in every if t.axis == tried.axis) for k in range(2)]
+    return any(gain > 0.0 and gain >= CRITERIA.worth * most for gain, most in zip(tried.gains, best, strict=True))
 
 
 def _better(problem: Problem, space: Space, one: Sequence[Start], other: Sequence[Start]) -> list[Start]:
@@ -279,7 +296,7 @@ def refinements(problem: Problem, base: Structure, now: Structure, others: Seque
     return out
 
 
-def with_a_mechanism(
+def with_mechanisms(
     problem: Problem,
     part: Problem,
     now: Structure,
@@ -288,7 +305,7 @@ def with_a_mechanism(
     best: Structure | None,
     deadline: float,
 ) -> list[Move]:
-    """The best effect with a program of its own, refitted on some windows, if it may compete with another model there.
+    """The best effect of each axis with a program of its own, refitted on some windows, if it may compete there.
 
     Args:
         problem: recordings.
@@ -299,14 +316,28 @@ def with_a_mechanism(
         best: the best model with one effect more so far, if there is one.
         deadline: of `time.monotonic` [s].
     """
-    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
-    [there] = part.solve(now.space.engine, [begun], _TRIAL)
+    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in apart:
         by_name.setdefault(candidate.name, []).append(candidate)
-    plant, known = now.space.table.unravel(there.vector), now.known
 
-    def tried(name: Name) -> tuple[float, Plant, Candidate, Point] | None:
+    def climbed(space: Space, starts: Sequence[Start]) -> tuple[Point, Point]:
+        """The best start fitted to short windows, and from there to the part's."""
+        short = [Start(s.vector, s.free, problem.states_of(s.states, low)) for s in starts]
+        which = int(np.argmin([p.value for p in low.evaluate(space.engine, short)]))
+        [first] = low.solve(space.engine, [short[which]], _TRIAL + 1)
+        begun = Start(starts[which].vector, starts[which].free, problem.states_of(starts[which].states, part))
+        after = Start(first.vector, first.free, part.states_with(begun.states, low, first.states))
+        [fit] = part.solve(space.engine, _better(part, space, [begun], [after]), _TRIAL)
+        return first, fit
+
+    without = climbed(now.space, [now.point.start])
+    plant, known = now.space.table.unravel(without[1].vector), now.known
+
+    def gains(points: tuple[Point, Point]) -> tuple[float, float]:
+        return without[0].value - points[0].value, without[1].value - points[1].value
+
+    def tried(name: Name) -> tuple[float, Plant, Candidate, tuple[Point, Point]] | None:
         seeds = by_name[name]
         if time.monotonic() > deadline:
             return None
@@ -320,28 +351,36 @@ def with_a_mechanism(
             vector = candidate.set(space.table, space.absent)
             kept = [space.table.positions(name)[0] for name in now.free]
             free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
-            starts.append(Start(vector, free, there.states))
-        which = int(np.argmin([p.value for p in part.evaluate(space.engine, starts)]))
-        [fit] = part.solve(space.engine, [starts[which]], _TRIAL)
-        return fit.value, own, seeds[which], fit
+            starts.append(Start(vector, free, now.point.states))
+        points = climbed(space, starts)
+        return max(gains(points)), own, seeds[0], points
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
         found = [t for t in pool.map(tried, by_name) if t is not None]
     if not found:
         return []
-    value, own, candidate, point = min(found, key=lambda t: t[0])
+    least = (0.0, 0.0)
     if best is not None:
-        begun = Start(best.point.vector, best.point.free, problem.states_of(best.point.states, part))
-        [other] = part.solve(best.space.engine, [begun], _TRIAL)
-        if there.value - value < CRITERIA.worth * (there.value - other.value):
-            return []
-    space = make_space(problem, own, known, shared=False)
-    keys, choices = (
-        {**now.keys, candidate.name: candidate.free},
-        {**now.choices, candidate.name: choice[candidate.name]},
-    )
-    states = problem.states_with(now.point.states, part, point.states)
-    return [Move(space, (*now.names, candidate.name), keys, choices, Start(point.vector, point.free, states))]
+        one, other = gains(climbed(best.space, [best.point.start]))
+        least = (CRITERIA.worth * one, CRITERIA.worth * other)
+    moves = []
+    for axis in AXES:
+        on_axis = [t for t in found if axis_of(t[2].name) == axis]
+        if not on_axis:
+            continue
+        _, own, candidate, points = max(on_axis, key=lambda t: t[0])
+        gained = gains(points)
+        if best is not None and gained[0] < least[0] and gained[1] < least[1]:
+            continue
+        space = make_space(problem, own, known, shared=False)
+        keys = {**now.keys, candidate.name: candidate.free}
+        choices = {**now.choices, candidate.name: choice[candidate.name]}
+        # Long windows may have led astray what fits short ones.
+        point, windows = (points[1], part) if gained[1] > 0.0 else (points[0], low)
+        states = problem.states_with(now.point.states, windows, point.states)
+        start = Start(point.vector, point.free, states)
+        moves.append(Move(space, (*now.names, candidate.name), keys, choices, start))
+    return moves
 
 
 def _effect(candidate: Candidate) -> AbstractEffect:

@@ -20,7 +20,7 @@ from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Start
 from .criteria import CRITERIA
-from .moves import AT_ONCE, Move, added, axis_of, refinements, removals, simplifications, together, with_a_mechanism
+from .moves import AT_ONCE, Move, added, axis_of, refinements, removals, simplifications, together, with_mechanisms
 from .screening import seen_among_all
 from .space import is_apart, proposals
 from .structure import Structure, accepts, leaves_nothing, weighed
@@ -133,7 +133,7 @@ def _larger(
     # simpler leaves nothing.
     if not good or (first and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
-        moves = with_a_mechanism(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
+        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     return found
 

@@ -88,8 +88,8 @@ def accepts(now: Structure, then: Structure) -> bool:
         return False
     gain = now.blocks - then.blocks
     error = float(np.std(gain, ddof=1) * math.sqrt(len(gain))) if len(gain) > 1 else 0.0
-    steady = len(then.names) < len(now.names) or float(gain.sum()) > -CRITERIA.veto * error
-    return steady
+    # What has fewer numbers may lose on blocks what they cost.
+    return len(then.point.free) < len(now.point.free) or float(gain.sum()) > -CRITERIA.veto * error
 
 
 def leaves_nothing(problem: Problem, structure: Structure) -> bool:

@@ -82,10 +82,6 @@ class Problem:
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total)
         return Problem(self.setting, data, index(data), part)
 
-    def share_of(self, part: "Problem") -> float:
-        """What the windows of a part count of all."""
-        return float(part.likelihood.share.sum() / max(self.likelihood.share.sum(), 1e-300))
-
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
         """Those initial states that belong to the tilings of a part of this problem."""
         kept = {(t.recording, t.horizon) for t in part.data.tilings}
