@@ -18,14 +18,9 @@ from makeup import AXES, CLUTTER, HALVES
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {
-    "dev": 20240607,
-    "proof": 77310185,
-    "wide": 50421962,
-    "rough": 60417253,
-    "clutter": 60417254,
-    "fresh": 91350746,
-}
+MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746}
+_SIZED = {"clutter": 60417254}
+"""Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
         "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist"}  # fmt: skip
@@ -214,12 +209,12 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
 def cases(half: str, sizes: dict | None = None) -> dict[str, dict]:
     """All truths of a half by id, the same on every machine. Sizes default to `sizes.json`."""
     sizes = json.loads((HERE / "sizes.json").read_text()) if sizes is None else sizes
-    made = HALVES[half]
-    order = np.random.default_rng(MASTER[half]).permutation(len(made))
+    made, seed = HALVES[half], (MASTER | _SIZED)[half]
+    order = np.random.default_rng(seed).permutation(len(made))
     found = {}
     for place, index in enumerate(order):
         digest = hashlib.sha256(f"{made[index]} {index}".encode()).digest()
-        key = np.random.default_rng([MASTER[half], int.from_bytes(digest[:4])])
+        key = np.random.default_rng([seed, int.from_bytes(digest[:4])])
         truth = _truth(half, made[index], key, sizes)
         found[f"{half}-{place + 1:02d}"] = {"id": f"{half}-{place + 1:02d}"} | truth
     return found
