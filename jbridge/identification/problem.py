@@ -15,7 +15,7 @@ from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
-from ..recordings import Recording, constant_inputs
+from ..recordings import Recording, check_units, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned
 
@@ -73,8 +73,8 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     """Checks that model and recordings go together.
 
     Raises:
-        InputError: a part that the recordings have is missing in the model, or an input never changes while its
-            gain is to be estimated.
+        InputError: a part that the recordings have is missing in the model, an input has two units, or it never
+            changes while its gain is to be estimated.
     """
     everything = (*recordings, *holdout)
     moving = {
@@ -84,6 +84,7 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     }
     axes = tuple(axis for axis in AXES if moving[axis])
     requires(model, axes)
+    check_units([r.name for r in everything], everything)
     _check_sensors(recordings)
     _check_holdout(model, recordings, holdout)
     still = constant_inputs(tuple(recordings))
