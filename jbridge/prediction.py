@@ -1,12 +1,15 @@
 """`simulate`: what the encoders would read, for a model and a recording's inputs."""
 
+import dataclasses
 import math
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jax import jit, jvp
 
+from ._display import Displayed
 from ._threads import one_thread_each
 from ._types import AXES, Axes
 from .errors import InputError
@@ -30,10 +33,39 @@ _LOST = 900.0
 """Reading [m, rad] that no bridge reaches; simulations from an estimated state stop a little farther on."""
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Displayed, Mapping[str, np.ndarray]):
+    """What the sensors would read: columns by name, like a dictionary."""
+
+    columns: Mapping[str, np.ndarray]
+    """`t` [s] as in the recording, its inputs, and `x` [m], `psi` [rad], `l` [m], each of shape `(time,)`."""
+    recording: Recording
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Root mean square error by measured channel [m, rad, m], over the rows that bring a new sample."""
+        out = {}
+        for axis in AXES:
+            measured = getattr(self.recording, axis)
+            if measured is not None and axis in self.columns:
+                left = (self.columns[axis] - measured)[self.recording.fresh[axis]]
+                out[axis] = float(np.sqrt(np.mean(left**2)))
+        return out
+
+
 @one_thread_each
 def simulate(
     model: Model, recording: Recording, initial: Literal["estimated", "first-row"] = "estimated"
-) -> dict[str, np.ndarray]:
+) -> Simulation:
     """Plays a recording's inputs to a model.
 
     The parts come from the recording's channels; where it has inputs alone, from the model and the initial values in
@@ -72,7 +104,7 @@ def simulate(
     for k, axis in enumerate(AXES):
         if parts[axis] or (axis == "l" and parts["psi"]):
             out[axis] = y[:, k]
-    return out
+    return Simulation(out, recording)
 
 
 def _from_rest(model: Model, recording: Recording, parts: dict[str, bool]) -> np.ndarray:
