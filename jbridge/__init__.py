@@ -6,6 +6,8 @@ Every public name is listed here and loaded when it is first used, so that impor
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from jbridge._display import connect
+
 if TYPE_CHECKING:
     from jbridge._types import Axes as Axes
     from jbridge.collect import AbstractSummary as AbstractSummary
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from jbridge.model.files import save_model as save_model
     from jbridge.model.parameters import with_values as with_values
     from jbridge.model.plant import Plant as Plant
+    from jbridge.prediction import Simulation as Simulation
     from jbridge.prediction import simulate as simulate
     from jbridge.recordings import Recording as Recording
     from jbridge.recordings import load_recording as load_recording
@@ -126,6 +129,7 @@ _HOMES = {
     "Reference": "control.base",
     "Region": "tuning.ensemble",
     "Scatter": "tuning.ensemble",
+    "Simulation": "prediction",
     "Starts": "identification.fit",
     "StateFeedback": "control.linear",
     "Sweep": "sweep.spec",
@@ -216,6 +220,7 @@ __all__ = [
     "Reference",
     "Region",
     "Scatter",
+    "Simulation",
     "Starts",
     "StateFeedback",
     "Sweep",
@@ -275,6 +280,9 @@ __all__ = [
     "usual_goal",
     "with_values",
 ]
+
+
+connect(lambda: importlib.import_module(f"{__name__}.report.displays"))
 
 
 def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:

@@ -24,8 +24,9 @@ Plays the inputs of a recording on a model and writes what the sensors would
 read, without noise.
 
 The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as
-the rig has them. The file of inputs needs no measurements; the start is then
-the [initial] table of its sidecar.
+the rig has them. A recording with measurements starts in the state that its
+first half second tells best, as in the reports of fit and diagnose. A file of
+inputs alone starts at rest at the [initial] table of its sidecar.
 """
 _FIT = """\
 Estimates the unknown numbers of a model from recordings, with 95 % intervals.
@@ -125,7 +126,7 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
     model = jbridge.load_model(arguments.model)
     recording = jbridge.load_recording(arguments.input, inputs_only=True)
     progress("simulating")
-    columns = jbridge.simulate(model, recording)
+    columns = jbridge.simulate(model, recording, arguments.initial)
     Path(arguments.out).parent.mkdir(parents=True, exist_ok=True)
     jbridge.save_csv(arguments.out, columns)
     progress.clear()
@@ -324,6 +325,13 @@ def _parser() -> _Parser:
     simulate.epilog = "example:\n  jbridge simulate model.toml --input staircase.csv --out simulated.csv"
     simulate.add_argument("model", metavar="MODEL.toml", help=_MODEL)
     simulate.add_argument("--input", metavar="REC.csv", required=True, help="the inputs: t, u_x and, if driven, u_l")
+    simulate.add_argument(
+        "--initial",
+        choices=("estimated", "first-row"),
+        default="estimated",
+        help="start of a recording with measurements: estimated from its first 0.5 s, or at rest at its first row"
+        " (%(default)s)",
+    )
     simulate.add_argument(
         "--out", metavar="OUT.csv", required=True, help="where to write; an existing file is replaced"
     )

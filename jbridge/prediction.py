@@ -1,14 +1,20 @@
 """`simulate`: what the encoders would read, for a model and a recording's inputs."""
 
+import dataclasses
 import math
+from collections.abc import Iterator, Mapping
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jax import jit, jvp
 
+from ._display import Displayed
+from ._threads import one_thread_each
 from ._types import AXES, Axes
 from .errors import InputError
 from .identification.data.grid import grid
+from .identification.evaluation import free_run
 from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
@@ -23,18 +29,54 @@ _NEWTON = 6
 """Steps that bring a start's readings to rounding errors: sensors are nearly linear."""
 _WOUND_IN = 0.02
 """Rope [m] with which no swing is left."""
+_LOST = 900.0
+"""Reading [m, rad] that no bridge reaches; simulations from an estimated state stop a little farther on."""
 
 
-def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Displayed, Mapping[str, np.ndarray]):
+    """What the sensors would read: columns by name, like a dictionary."""
+
+    columns: Mapping[str, np.ndarray]
+    """`t` [s] as in the recording, its inputs, and `x` [m], `psi` [rad], `l` [m], each of shape `(time,)`."""
+    recording: Recording
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Root mean square error by measured channel [m, rad, m], over the rows that bring a new sample."""
+        out = {}
+        for axis in AXES:
+            measured = getattr(self.recording, axis)
+            if measured is not None and axis in self.columns:
+                left = (self.columns[axis] - measured)[self.recording.fresh[axis]]
+                out[axis] = float(np.sqrt(np.mean(left**2)))
+        return out
+
+
+@one_thread_each
+def simulate(
+    model: Model, recording: Recording, initial: Literal["estimated", "first-row"] = "estimated"
+) -> Simulation:
     """Plays a recording's inputs to a model.
 
     The parts come from the recording's channels; where it has inputs alone, from the model and the initial values in
-    its sidecar. The run starts at rest where the sensors would read the first measured sample (or at `[initial]`), with
-    drives that felt what was commanded before.
+    its sidecar. Drives have felt what was commanded before.
 
     Args:
         model: what moves.
         recording: inputs, and where they begin.
+        initial: where a recording with measurements begins. `estimated`: in the state, velocities included, that its
+            first 0.5 s tells best, so that errors are those of a report. `first-row`: at rest where the sensors would
+            read the first sample, or at `[initial]` of the sidecar. A recording of inputs alone begins at `[initial]`.
 
     Returns:
         Columns by name: `t` [s] as in the recording, its inputs, and `x` [m], `psi` [rad], `l` [m] as the sensors
@@ -43,8 +85,30 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
     Raises:
         InputError: the model lacks a part that the recording has, or runs away.
     """
+    if initial not in ("estimated", "first-row"):
+        raise ValueError(f"initial is 'estimated' or 'first-row', not {initial!r}")
     parts = _parts(model, recording)
     requires(model, [axis for axis in AXES if parts[axis]])
+    measured = any(getattr(recording, axis) is not None for axis in AXES)
+    if initial == "estimated" and measured and any(parts.values()):
+        y = free_run(model.plant, recording)
+    else:
+        y = _from_rest(model, recording, parts)
+    lost = np.flatnonzero(~(np.abs(y) < _LOST).all(axis=1) | ((y[:, 2] < _WOUND_IN) & parts["psi"] & parts["l"]))
+    if len(lost):
+        raise InputError(_runs_away(model, recording, y, int(lost[0])))
+    out = {"t": recording.times}
+    for name in ("u_x", "u_l"):
+        if getattr(recording, name) is not None:
+            out[name] = getattr(recording, name)
+    for k, axis in enumerate(AXES):
+        if parts[axis] or (axis == "l" and parts["psi"]):
+            out[axis] = y[:, k]
+    return Simulation(out, recording)
+
+
+def _from_rest(model: Model, recording: Recording, parts: dict[str, bool]) -> np.ndarray:
+    """Readings at the rows, `(row, 3)`, of a run that begins at rest."""
     plant = model.plant
     initial = np.zeros(6 + 2 * len(plant.mechanisms))
     for k, axis in enumerate(AXES):
@@ -83,18 +147,7 @@ def simulate(model: Model, recording: Recording) -> dict[str, np.ndarray]:
         known = table.unravel(vector)
         return readings(known, lane, rollout(known, initial, lane, substeps=finer, method=RK4))
 
-    y = np.asarray(run(jnp.asarray(vector), jnp.asarray(initial), lane))[row_at]
-    lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
-    if len(lost):
-        raise InputError(_runs_away(model, recording, y, int(lost[0])))
-    out = {"t": recording.times}
-    for name in ("u_x", "u_l"):
-        if getattr(recording, name) is not None:
-            out[name] = getattr(recording, name)
-    for k, axis in enumerate(AXES):
-        if parts[axis] or (axis == "l" and parts["psi"]):
-            out[axis] = y[:, k]
-    return out
+    return np.asarray(run(jnp.asarray(vector), jnp.asarray(initial), lane))[row_at]
 
 
 def _behind_sensors(plant: Plant, time: float, reading: np.ndarray) -> np.ndarray:
@@ -114,7 +167,7 @@ def _behind_sensors(plant: Plant, time: float, reading: np.ndarray) -> np.ndarra
 
 def _runs_away(model: Model, recording: Recording, y: np.ndarray, row: int) -> str:
     whose, after = model.source or "the model", f"{recording.times[row] - recording.times[0]:.3g} s after the start"
-    if (y[:row, 2] < _WOUND_IN).any():
+    if (y[: row + 1, 2] < _WOUND_IN).any():
         fate, remedy = "has wound in all of its rope", "correct hoist_gain, or what holds the winch"
     else:
         fate, remedy = "runs away", "see whether a mass is too small, or a stiffness or damping too large, in SI units"

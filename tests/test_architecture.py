@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"_programs", "_threads"},
+    {"_display", "_programs", "_threads"},
     {"_math", "_parameters", "_types", "errors"},
     {"_toml", "collect", "signals", "recordings"},
     {"model", "fuzzy"},

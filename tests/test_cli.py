@@ -58,8 +58,8 @@ def calls(monkeypatch):
 
         return computed
 
-    def simulate(model, recording):
-        seen["simulate"] = (model, recording.name)
+    def simulate(model, recording, initial):
+        seen["simulate"] = (model, recording.name, initial)
         return {"t": recording.times, "u_x": recording.u_x, "x": np.zeros(recording.times.size)}
 
     monkeypatch.setitem(vars(jbridge), "fit", compute("fit", cases.fitted()))
@@ -114,6 +114,9 @@ def test_simulate_writes_the_channels(rig, calls, capsys):
     assert main(["simulate", "model.toml", "--input", "a.csv", "--out", "new/sim.csv"]) == 0
     assert (rig / "new" / "sim.csv").read_text().startswith("t,u_x,x\n")
     assert capsys.readouterr().out == "new/sim.csv: 200 rows of t, u_x, x\n"
+    assert calls["simulate"][1:] == ("a.csv", "estimated")
+    assert main(["simulate", "model.toml", "--input", "a.csv", "--initial", "first-row", "--out", "sim.csv"]) == 0
+    assert calls["simulate"][1:] == ("a.csv", "first-row")
 
 
 def test_holdout_may_come_first_or_twice(rig, calls):

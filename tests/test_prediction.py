@@ -5,7 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge import InputError, load_model, load_recording, simulate
+from jbridge import InputError, fit, load_model, load_recording, save_model, simulate
+from jbridge.identification.evaluation import make_judge
+from jbridge.identification.problem import setting_of
+from tests.identification.cases import DRY, cart_model, cart_recordings, make_recording
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, measure
 from tests.problems import simulate as engine
 
@@ -94,7 +97,7 @@ def test_without_a_hoist_input_the_rope_is_locked(files):
 def test_a_recording_says_its_parts_and_where_it_starts(files):
     columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.4 + 0 * TIMES}
     model, recording = files(BRIDGE, columns)
-    found = simulate(model, recording)
+    found = simulate(model, recording, "first-row")
     # A cart alone, although the model has a load: the load must not slow it down.
     assert list(found) == ["t", "u_x", "x"]
     np.testing.assert_allclose(found["x"], closed_form(TIMES, 0.4), atol=1e-9)
@@ -137,11 +140,66 @@ offset = -0.02
         return 3.0 * (way + 0.004 * np.sin(2.0 * np.pi * way / 0.2 + 0.5)) - 0.02
 
     columns = {"t": TIMES, "u_x": volts(TIMES), "x": 0.9 + 0.1 * TIMES}
-    found = simulate(*files(CART + sensors, columns))
+    found = simulate(*files(CART + sensors, columns), "first-row")
     assert found["x"][0] == pytest.approx(0.9, abs=1e-9)
     ways = np.linspace(0.25, 0.35, 100_001)
     start = np.interp(0.9, reading(ways), ways)
     np.testing.assert_allclose(found["x"], reading(closed_form(TIMES, start)), atol=1e-7)
+
+
+LAG = ("actuator_lag", "cart_drive", {"time_constant": 0.08})
+
+
+def test_errors_are_those_of_a_report(tmp_path):
+    """Also of a model that lacks something, on recordings that begin in motion and in the middle of a command."""
+    *train, one, other = cart_recordings(make_plant(DRY, LAG, cart_damping=50.0), 4, seconds=4.0)
+    holdout = [one.rows(slice(90, None)), other.rows(slice(135, 360))]
+    fitted = fit(cart_model(), train, holdout)
+    save_model(tmp_path / "model.toml", fitted.model)
+    model = load_model(tmp_path / "model.toml")
+
+    def error(initial):
+        left = [simulate(model, recording, initial)["x"] - recording.x for recording in holdout]
+        return np.sqrt(np.mean(np.concatenate(left) ** 2))
+
+    assert error("estimated") == pytest.approx(fitted.holdout.free_run["x"], rel=0.003)
+    assert error("first-row") > 1.3 * fitted.holdout.free_run["x"]
+
+
+def test_a_fast_log_begins_where_its_report_does():
+    """Reports look at every fourth of its rows; the simulation has all of them."""
+    times = np.arange(3001) * 0.001
+    lag = np.exp(-times / 0.12)
+    recording = make_recording("fast.csv", times, u_x=2.0 + 0 * times, x=0.3 + 0.7 * times + 0.01 * lag)
+    model = cart_model()
+    found = simulate(model, recording)["x"]
+    assert len(found) == len(times)
+    setting = setting_of(model.plant, [recording]).thinned()
+    [run] = make_judge(setting, setting.recordings).evaluate(model.plant).predicted
+    # Steps of 1 ms in place of 4 ms.
+    np.testing.assert_allclose(found[:3000:4], run[:750, 0], atol=2e-6)
+
+
+def test_a_gap_is_simulated_through():
+    """Points of the grid within a gap have no measurement, and a prediction all the same."""
+    keep = np.ones(len(TIMES), bool)
+    keep[100:140] = False
+    recording = make_recording("gap.csv", TIMES[keep], u_x=volts(TIMES)[keep], x=closed_form(TIMES, 0.3)[keep])
+    model = cart_model()
+    [run] = make_judge(setting_of(model.plant, [recording]), [recording]).evaluate(model.plant).predicted
+    assert np.abs(np.diff(run[: len(TIMES), 0])).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("changes", "volts_l", "fate"),
+    [({"cart_gain": 1e5}, 0.0, "it runs away"), ({}, -4.0, "it has wound in all of its rope")],
+)
+def test_a_simulation_from_an_estimated_state_may_be_lost(changes, volts_l, fate):
+    columns = {"u_x": volts(TIMES), "x": 0.3 + 0.01 * TIMES}
+    if volts_l:
+        columns |= {"u_l": np.full(len(TIMES), volts_l), "l": 0.3 + 0.01 * TIMES, "psi": 0.05 * np.cos(TIMES)}
+    with pytest.raises(InputError, match=fate):
+        simulate(cart_model(**changes), make_recording("run.csv", TIMES, **columns))
 
 
 def test_a_rope_needs_a_length(files):

@@ -52,7 +52,7 @@ def played(folder: Path, seed: int, level: float = 0.0, drag: float = 0.0) -> tu
         path.with_suffix(".toml").write_text(f"[locked]\nl = {length}\n")
         columns = {"t": t, "u_x": np.round(levels[t.astype(int)], 3), "x": 0 * t + 0.7, "psi": 0 * t}
         jbridge.save_csv(path, columns)
-        run = jbridge.simulate(jbridge.load_model(true), jbridge.load_recording(path))
+        run = jbridge.simulate(jbridge.load_model(true), jbridge.load_recording(path), "first-row")
         for name, size, count in (("x", 3e-5, 1e-4), ("psi", 5e-4, 2 * np.pi / 4096)):
             columns[name] = count * np.round((run[name] + size * noise.standard_normal(len(t))) / count)
         jbridge.save_csv(path, columns)

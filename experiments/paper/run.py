@@ -58,7 +58,7 @@ def validate() -> dict:
     recording = jbridge.load_recording(OUT / "steps.csv")
     shown = {"rig": columns(OUT / "steps.csv")}
     for name, path in (("before", HERE / "guess.toml"), ("after", OUT / "fitted" / "model.toml")):
-        table = jbridge.simulate(jbridge.load_model(path), recording)
+        table = jbridge.simulate(jbridge.load_model(path), recording, "first-row")
         shown[name] = {key: values[::KEEP].tolist() for key, values in table.items()}
     return {"steps": shown, "friction": friction(), "numbers": numbers()}
 

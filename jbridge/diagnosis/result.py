@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from .._display import Displayed
 from ..identification.result import Errors, Estimate, Trace
 from ..model.files import Model
 
@@ -209,8 +210,8 @@ class Continued:
     statement: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Diagnosis:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Diagnosis(Displayed):
     """Everything that `report.json` and `report.html` tell."""
 
     verdict: str | None

@@ -15,12 +15,12 @@ from .._types import AXES
 from ..model.plant import Plant
 from ..recordings import Recording
 from .data.grid import Grid
-from .data.windows import WHOLE, Data, Tiling, make_data, tiling
+from .data.windows import WHOLE, Data, Tiling, deviations, make_data, tiling
 from .estimation import engine_for
 from .likelihood import Index, index, likelihood
-from .problem import Setting
+from .problem import Setting, resolve, setting_of
 from .result import Errors
-from .sensitivity import Engine
+from .sensitivity import Engine, Job
 from .solver import Start, evaluate, residuals, solve
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
@@ -130,22 +130,34 @@ class Judge:
 
     def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
         """Errors of a model, by its engine and parameters."""
-        found = index(self.starts)
-        criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
-        begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
-        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS)
+        start = self.start(engine, vector)
         windows = index(self.data)
-        start = Start(vector, point.free, point.states)
         counted = likelihood(self.data, windows, [self.data.y[t.recording] for t in self.data.tilings])
         [run] = evaluate(engine, self.data, windows, counted, [start])
         every = residuals(engine, self.data, start)
         left = tuple(_counted(own, t) for own, t in zip(every, self.data.tilings, strict=True))
+        return Evaluation(self.data, windows, run.square, tuple(self.free_runs(engine, start)), left)
+
+    def start(self, engine: Engine, vector: NDArray[np.float64]) -> Start:
+        """A model with the initial state of each window, estimated from the half second before it.
+
+        Nothing but its own recording bears on a window: neither the noise of others, nor how soon they are met. So
+        whoever simulates one of several recordings alone arrives at the same state.
+        """
+        found = index(self.starts)
+        criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
+        begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
+        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
+        return point.start
+
+    def free_runs(self, engine: Engine, start: Start) -> list[NDArray[np.float64]]:
+        """Readings of each recording's simulation as a whole, at every sample, `(sample, 3)`."""
         whole = {t.recording: k for k, t in enumerate(self.data.tilings) if math.isinf(t.horizon)}
-        predicted = []
-        for r in range(len(self.data.grids)):
-            noise = np.where(np.isnan(self.data.noise[r]), 1.0, self.data.noise[r])
-            predicted.append(self.data.y[r] + every[whole[r]] * noise)
-        return Evaluation(self.data, windows, run.square, tuple(predicted), left)
+        jobs = [
+            Job(start.vector, r, self.data.tilings[whole[r]].begins, start.states[whole[r]])
+            for r in range(len(self.data.grids))
+        ]
+        return engine.predict(jobs)
 
 
 def _counted(left: NDArray[np.float64], own: Tiling) -> NDArray[np.float64]:
@@ -168,11 +180,13 @@ def make_judge(
     Args:
         setting: of the model and all recordings.
         recordings: measured runs.
-        noise: standard deviation of each channel for all recordings; estimated for each recording by default.
+        noise: standard deviation of each channel for all recordings, in whose units errors are counted; estimated for
+            each recording by default, as it always is where initial states are.
         horizons: lengths of windows [s].
         samples: length of the grid at least, so that programs that are compiled for it serve again.
     """
     data = make_data(recordings, horizons, noise, samples)
+    sigma = deviations(recordings)
     starts, runs = [], []
     for own in data.tilings:
         g = data.grids[own.recording]
@@ -183,10 +197,36 @@ def make_judge(
                 begins, counts, stops = np.r_[0, begins], np.r_[ahead, counts], np.r_[ahead, stops]
             until = np.searchsorted(g.times, g.times[begins] + _BEFORE - 1e-9)
             until = np.minimum(np.maximum(until, begins + 2), stops)
-            first = tiling(g, own.recording, own.horizon, begins, until, data.noise[own.recording])
+            first = tiling(g, own.recording, own.horizon, begins, until, sigma[own.recording])
             starts.append(first)
             runs.append(dataclasses.replace(first, stops=stops, count_from=counts))
-    return Judge(setting, data.with_tilings(starts), data.with_tilings(runs))
+    return Judge(setting, dataclasses.replace(data, noise=sigma, tilings=tuple(starts)), data.with_tilings(runs))
+
+
+def free_run(plant: Plant, recording: Recording) -> NDArray[np.float64]:
+    """Simulates a recording as a report does, from an initial state that its first half second tells.
+
+    Args:
+        plant: the model.
+        recording: what was measured.
+
+    Returns:
+        Readings of `x` [m], `psi` [rad] and `l` [m] at the recording's rows, `(row, 3)`.
+    """
+    whole = setting_of(plant, [recording])
+    setting = whole.thinned()
+    plant = resolve(plant, setting.length)
+    judge = make_judge(setting, setting.recordings, setting.noise)
+    engine = judge.engine(plant)
+    start = judge.start(engine, np.array(engine.table.ravel(plant), dtype=float))
+    if setting.recordings[0] is not recording:
+        # From the state that the fewer samples told, at the rows between them as well.
+        [state] = [s for s, t in zip(start.states, judge.data.tilings, strict=True) if math.isinf(t.horizon)]
+        judge = make_judge(whole, [recording], whole.noise, (WHOLE,))
+        engine, start = judge.engine(plant), dataclasses.replace(start, states=(state,))
+    [found] = judge.free_runs(engine, start)
+    times = judge.data.grids[0].times
+    return found[np.searchsorted(times, recording.times - recording.start)]
 
 
 def _passes(g: Grid, own: Tiling) -> list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:

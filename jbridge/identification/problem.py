@@ -15,7 +15,7 @@ from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
-from ..recordings import Recording, constant_inputs
+from ..recordings import Recording, check_units, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned
 
@@ -73,17 +73,12 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     """Checks that model and recordings go together.
 
     Raises:
-        InputError: a part that the recordings have is missing in the model, or an input never changes while its
-            gain is to be estimated.
+        InputError: a part that the recordings have is missing in the model, an input has two units, or it never
+            changes while its gain is to be estimated.
     """
     everything = (*recordings, *holdout)
-    moving = {
-        "x": any(r.has_cart for r in everything),
-        "psi": any(r.has_swing for r in everything),
-        "l": any(r.has_hoist for r in everything),
-    }
-    axes = tuple(axis for axis in AXES if moving[axis])
-    requires(model, axes)
+    requires(model, _moving(everything))
+    check_units([r.name for r in everything], everything)
     _check_sensors(recordings)
     _check_holdout(model, recordings, holdout)
     still = constant_inputs(tuple(recordings))
@@ -94,6 +89,12 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
                 f"{names}: {name} never changes, so {gain} cannot be estimated: record a run in which it changes, "
                 f"or list {gain} under known in the model"
             )
+    return setting_of(model.plant, recordings, holdout)
+
+
+def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()) -> Setting:
+    """What recordings and a plant have in common, unchecked."""
+    everything = (*recordings, *holdout)
     units: dict[str, str] = {}
     for recording in everything:
         units |= recording.units
@@ -106,8 +107,18 @@ def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequenc
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
-    step = min((_step_for(r, noise["psi"], model.plant) for r in everything if r.psi is not None), default=_STEP)
-    return Setting(tuple(recordings), tuple(holdout), noise, axes, units, length, step)
+    step = min((_step_for(r, noise["psi"], plant) for r in everything if r.psi is not None), default=_STEP)
+    return Setting(tuple(recordings), tuple(holdout), noise, _moving(everything), units, length, step)
+
+
+def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Axes that move in some recording."""
+    moving = {
+        "x": any(r.has_cart for r in recordings),
+        "psi": any(r.has_swing for r in recordings),
+        "l": any(r.has_hoist for r in recordings),
+    }
+    return tuple(axis for axis in AXES if moving[axis])
 
 
 def _step_for(recording: Recording, noise: float, plant: Plant) -> float:

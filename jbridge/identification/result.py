@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from .._display import Displayed
 from ..model.files import Model
 
 
@@ -55,8 +56,8 @@ class Errors:
     window: Mapping[str, float]
 
 
-@dataclasses.dataclass(frozen=True)
-class Fit:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Fit(Displayed):
     """A model fitted to recordings."""
 
     model: Model

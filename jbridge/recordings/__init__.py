@@ -1,11 +1,11 @@
-"""Recordings of rigs: CSV or .mat files with an optional sidecar become channels in SI units.
+"""Recordings of rigs: CSV or .mat files, arrays and data frames, with an optional sidecar, become channels in SI units.
 
 A recording is refused, with one line that says where and what to do, rather than guessed at; what is detected
 or assumed about it stands in its notes.
 """
 
 from jbridge.recordings.csv_table import save_csv
-from jbridge.recordings.load import constant_inputs, load_recording, load_recordings
+from jbridge.recordings.load import check_units, constant_inputs, load_recording, load_recordings
 from jbridge.recordings.recording import Recording
 
-__all__ = ["Recording", "constant_inputs", "load_recording", "load_recordings", "save_csv"]
+__all__ = ["Recording", "check_units", "constant_inputs", "load_recording", "load_recordings", "save_csv"]

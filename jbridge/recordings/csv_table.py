@@ -9,6 +9,7 @@ import io
 import os
 import re
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -156,7 +157,7 @@ def describe(cell: str) -> str:
     return f"{quoted(cell)} is text, not a number; correct or delete the row"
 
 
-def save_csv(path: str | os.PathLike[str], columns: dict[str, np.ndarray]) -> None:
+def save_csv(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Writes columns of equal length as CSV, so that reading gives the same numbers.
 
     Each number has the fewest digits that do. The file appears whole or not at all.

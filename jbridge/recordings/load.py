@@ -55,10 +55,16 @@ def load_recordings(
             raise InputError(f"{path}: the recording is named twice; name it once")
         seen.add(resolved)
     readings = [read(path, inputs_only, sidecar) for path in paths]
+    check_units(paths, [reading.recording for reading in readings])
+    return tuple(share_holds(reading, readings) for reading in readings)
+
+
+def check_units(names: Sequence[PathLike], recordings: Sequence[Recording]) -> None:
+    """Raises an InputError where recordings, called by these names, give one input in two units."""
     for name in INPUTS:
         first: dict[str, PathLike] = {}
-        for path, reading in zip(paths, readings, strict=True):
-            unit = reading.recording.units.get(name)
+        for path, recording in zip(names, recordings, strict=True):
+            unit = recording.units.get(name)
             if unit and first and unit not in first:
                 other, before = next(iter(first.items()))
                 raise InputError(
@@ -67,7 +73,6 @@ def load_recordings(
                 )
             if unit:
                 first.setdefault(unit, path)
-    return tuple(share_holds(reading, readings) for reading in readings)
 
 
 def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
@@ -91,7 +96,11 @@ class Reading:
 def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading:
     path = Path(path)
     table = read_table(path)
-    declared = find_sidecar(path, None if sidecar is None else Path(sidecar))
+    return make_reading(path, table, find_sidecar(path, None if sidecar is None else Path(sidecar)), inputs_only)
+
+
+def make_reading(path: Path, table: Table, declared: Sidecar, inputs_only: bool) -> Reading:
+    """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
     channels = read_channels(path, table, declared)
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values

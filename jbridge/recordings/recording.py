@@ -1,8 +1,11 @@
 """One recording of a rig: what was commanded and what was measured, in SI units."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 MEASURED = ("x", "psi", "l")
 """Names of the measured channels, those of the axes."""
@@ -28,7 +31,7 @@ class Recording:
     """
 
     name: str
-    """File name, such as `train-1.csv`."""
+    """File name, such as `train-1.csv`, or what arrays were called."""
     times: np.ndarray
     """Times of the rows [s], strictly increasing, as in the file: not shifted to start at 0."""
     u_x: np.ndarray | None
@@ -61,6 +64,73 @@ class Recording:
     """Time [s] before the first row at which the run began, for a piece cut out of one: drift and wind go by it."""
     earlier: Commands | None = None
     """Inputs of the rows before the first one here, which a delay or a lag still feels; None counts as inputs of 0."""
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        t: ArrayLike,
+        u_x: ArrayLike | None = None,
+        u_l: ArrayLike | None = None,
+        x: ArrayLike | None = None,
+        psi: ArrayLike | None = None,
+        l: ArrayLike | None = None,
+        name: str = "recording",
+        sidecar: Mapping[str, Any] | None = None,
+        inputs_only: bool = False,
+    ) -> "Recording":
+        """Returns the recording in arrays of shape `(time,)`, checked and converted like the columns of a file.
+
+        The arrays are copied. What the rig does not have is left out, as in a file.
+
+        Args:
+            t: Times of the rows [s].
+            u_x, u_l: Inputs of the cart's drive and of the hoist's [V], held from one row to the next.
+            x: Cart position [m].
+            psi: Swing angle [rad].
+            l: Rope length [m].
+            name: What reports and refusals call the recording.
+            sidecar: The tables of a sidecar, such as `{"locked": {"l": 0.7}, "columns": {"u_x": {"unit": "A"}}}`:
+                units, signs and offsets, `hold`, `resolution`, `override`, `trim`, `initial` and `locked`.
+            inputs_only: Whether measured channels may be absent, as in the input of a simulation.
+
+        Raises:
+            InputError: As for a file: one line with name, row (its index in the arrays), column and what to do.
+        """
+        from .arrays import recording_from
+
+        given = {"t": t, "u_x": u_x, "u_l": u_l, "x": x, "psi": psi, "l": l}
+        columns = {channel: values for channel, values in given.items() if values is not None}
+        return recording_from(name, columns, sidecar or {}, inputs_only)
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: Any,
+        columns: Mapping[str, Any] | None = None,
+        *,
+        name: str = "recording",
+        sidecar: Mapping[str, Any] | None = None,
+        inputs_only: bool = False,
+    ) -> "Recording":
+        """Returns the recording in a data frame (pandas, polars, or a mapping of arrays), checked like a file.
+
+        Args:
+            frame: Columns by name. The index of a pandas frame serves as a column, too, if it has a name.
+            columns: The column of each channel, as under `[columns]` in a sidecar: its name, or a mapping such as
+                `{"column": "theta", "unit": "deg", "sign": -1, "offset": 180}`. A channel that is not named has the
+                column of its own name, in SI units.
+            name, sidecar, inputs_only: As in `from_arrays`.
+
+        Raises:
+            InputError: As for a file: one line with name, row (its position in the frame), column and what to do.
+        """
+        from .arrays import columns_of, recording_from
+
+        declared = dict(sidecar or {})
+        if columns:
+            declared["columns"] = {**declared.get("columns", {}), **columns}
+        return recording_from(name, columns_of(name, frame), declared, inputs_only)
 
     @property
     def start(self) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
-from .figures.gallery import Gallery
+from .figures.gallery import Gallery, diagnosis_signals
 from .html import (
     bullets,
     element,
@@ -46,6 +46,16 @@ def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
             _footer(diagnosis),
         ],
     )
+
+
+def diagnosis_summary(diagnosis: Diagnosis) -> str:
+    """Verdict, facts, what was named and the proof as a piece of HTML, for notebooks."""
+    before = diagnosis.holdout_before.free_run if is_changed(diagnosis) else None
+    pieces = [_header(diagnosis), *(_effect(effect, diagnosis, Gallery()) for effect in diagnosis.effects)]
+    if diagnosis.holdout_after.free_run:
+        pieces += [tag("h3", "Hold-out, whole recordings")]
+        pieces += [errors_table(before, diagnosis.holdout_after.free_run, diagnosis.noise)]
+    return element("div", "\n".join([*pieces, show(diagnosis_signals(diagnosis))]))
 
 
 def _header(diagnosis: Diagnosis) -> str:

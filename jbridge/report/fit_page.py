@@ -2,7 +2,7 @@
 
 from ..identification.result import Fit
 from .diagnosis_page import errors_table
-from .figures.gallery import Gallery
+from .figures.gallery import Gallery, fit_signals
 from .html import bullets, element, page, paragraph, parameter_tables, section, show, show_all, tag
 from .quantities import digits
 from .rows import error_rows, parts
@@ -14,6 +14,12 @@ def fit_page(fit: Fit, gallery: Gallery) -> str:
     return page(
         "Fitted model - jbridge", [_header(fit), _parameters(fit, gallery), *_errors(fit, gallery), _footer(fit)]
     )
+
+
+def fit_summary(fit: Fit) -> str:
+    """The fitted numbers and how well they do as a piece of HTML, for notebooks."""
+    errors = errors_table(None, (fit.holdout or fit.train).free_run, fit.noise)
+    return element("div", "\n".join([_header(fit), _parameters(fit, Gallery()), errors, show(fit_signals(fit))]))
 
 
 def fit_sentence(fit: Fit) -> str:

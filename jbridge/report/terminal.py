@@ -11,12 +11,14 @@ from .as_json import INPUT_FILE
 from .files import PathLike
 from .next_steps import limit_text
 from .places import when_sentences, where_sentences
-from .quantities import UNKNOWN, join_unit, percent
+from .quantities import UNKNOWN, join_unit, percent, shown
 from .rows import error_rows, is_changed, parameter_rows, parts
 from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
 _WIDTH = 88
 _INDENT = 12
+_MOST_LINES, _MOST_EFFECTS = 24, 4
+"""Lines of a result in short, and effects that it names."""
 _MOST_UNSEEN = 6
 """Effects that may hide and are listed here; the page has all."""
 
@@ -78,6 +80,36 @@ def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
         lines += [f"{'':{_INDENT}}{Path(folder) / 'fit.json'}, {Path(folder) / 'model.toml'}"]
     return "\n".join(lines) + "\n"
+
+
+def diagnosis_in_short(diagnosis: Diagnosis) -> str:
+    """The verdict, what was named and the error on the hold-out, on one screen."""
+    said = heading(diagnosis.verdict, (e.kind for e in diagnosis.effects))
+    lines = [f"Diagnosis: {said}", *_wrapped("", diagnosis.statement), *_wrapped("Place", _place(diagnosis))]
+    for effect in diagnosis.effects[:_MOST_EFFECTS]:
+        numbers = ", ".join(f"{key} {shown(estimate).text}" for key, estimate in effect.parameters.items())
+        lines += _wrapped("Named", f"{effect_name(effect.kind, effect.site)} ({effect.status}): {numbers}", 2)
+    more = len(diagnosis.effects) - _MOST_EFFECTS
+    lines += _wrapped("", f"and {more} more") if more > 0 else []
+    return _in_short(lines, _fit(diagnosis), "describe_diagnosis")
+
+
+def fit_in_short(fit: Fit) -> str:
+    """The fitted numbers with their intervals and the error, on one screen."""
+    free = {name: estimate for name, estimate in fit.estimates.items() if estimate.std is not None}
+    lines = [f"Fit: {len(free)} of {len(fit.estimates)} parameters estimated"]
+    room = _MOST_LINES - 12
+    for name, estimate in list(free.items())[:room]:
+        lines.append("  " + textwrap.shorten(f"{name} {shown(estimate).text}", _WIDTH - 2, placeholder=" ..."))
+    lines += [f"  and {len(free) - room} more"] if len(free) > room else []
+    errors, which = (fit.holdout, "Hold-out") if fit.holdout else (fit.train, "Training")
+    return _in_short(lines, _errors(f"{which}, whole recordings", None, errors.free_run, fit.noise), "describe_fit")
+
+
+def _in_short(lines: list[str], errors: list[str], describe: str) -> str:
+    """So many lines that the errors, and where to find more, have room below."""
+    more = f"More: .plot(), .to_dataframe(), .save(folder), print(jbridge.{describe}(...))"
+    return "\n".join([*lines[: _MOST_LINES - len(errors) - 1], *errors, more])
 
 
 def _place(diagnosis: Diagnosis) -> str:
@@ -175,6 +207,10 @@ def _with_ratio(error: str, ratio: str) -> str:
     return error if ratio == UNKNOWN else f"{error} ({ratio})"
 
 
-def _wrapped(name: str, text: str) -> list[str]:
-    """A paragraph behind a name in the margin."""
-    return textwrap.wrap(text, _WIDTH, initial_indent=f"{name:{_INDENT}}", subsequent_indent=" " * _INDENT) or [name]
+def _wrapped(name: str, text: str, most: int | None = None) -> list[str]:
+    """A paragraph behind a name in the margin, of so many lines at most."""
+    first, later = f"{name:{_INDENT}}", " " * _INDENT
+    lines = textwrap.wrap(
+        text, _WIDTH, initial_indent=first, subsequent_indent=later, max_lines=most, placeholder=" ..."
+    )
+    return lines or [name]

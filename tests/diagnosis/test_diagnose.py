@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from jbridge import diagnose
+from jbridge import diagnose, simulate
 from jbridge.diagnosis.holdout import split_off
 from tests.identification.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
@@ -45,6 +45,13 @@ def test_the_missing_force_is_a_drag(missing):
     # Beside a viscous damping that was refitted without it, and that takes up half of it.
     assert likeness.odd > 0.9 and max(likeness.by["v_x"], likeness.by["x, direction"]) > 0.25
     assert [force.recording for force in missing.location.forces] == ["run-1.csv", "run-2.csv", "run-3.csv"]
+
+
+def test_whoever_runs_the_model_gets_the_reported_errors(missing):
+    run = rig(("quadratic_drag", "cart", {"coefficient": DRAG}))[3]
+    for model, errors in ((missing.before, missing.holdout_before), (missing.model, missing.holdout_after)):
+        # The same recording, state and steps: what is left is rounding.
+        assert simulate(model, run).errors["x"] == pytest.approx(errors.free_run["x"], rel=1e-3)
 
 
 def test_the_hold_out_proves_it(missing):

@@ -111,19 +111,27 @@ def make_data(
     grids = tuple(grid(recording, max(1.5 * period, 1e-4)) for recording in recordings)
     samples = max(rounded(max(g.intervals for g in grids)) + 1, samples)
     shape = (len(grids), samples, 3)
-    y, measured, sigma = np.zeros(shape), np.zeros(shape, bool), np.full((len(grids), 3), np.nan)
+    y, measured, sigma = np.zeros(shape), np.zeros(shape, bool), deviations(recordings, noise)
     tilings = []
     for r, g in enumerate(grids):
         y[r, : g.intervals + 1], measured[r, : g.intervals + 1] = g.y, g.measured
-        own = noise_floor([g.recording]) if noise is None else noise
-        for k, axis in enumerate(AXES):
-            if getattr(g.recording, axis) is not None:
-                sigma[r, k] = own[axis]
         for horizon in horizons:
             edges = _edges(g, horizon)
             if edges is not None:
                 tilings.append(tiling(g, r, horizon, edges[:-1], edges[1:], sigma[r]))
     return Data(tuple(recordings), grids, sigma, y, measured, tuple(tilings), period)
+
+
+def deviations(recordings: Sequence[Recording], noise: Mapping[str, float] | None = None) -> NDArray[np.float64]:
+    """Standard deviation of the noise by recording and channel [m, rad, m], NaN where a channel is not measured: the
+    given one for all recordings, or each recording's own."""
+    sigma = np.full((len(recordings), 3), np.nan)
+    for r, recording in enumerate(recordings):
+        own = noise_floor([recording]) if noise is None else noise
+        for k, axis in enumerate(AXES):
+            if getattr(recording, axis) is not None:
+                sigma[r, k] = own[axis]
+    return sigma
 
 
 def tiling(

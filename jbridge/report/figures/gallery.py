@@ -8,6 +8,7 @@ import numpy as np
 
 from ...diagnosis.result import Diagnosis, Interval, NamedEffect, Region
 from ...identification.result import Errors, Fit, Trace
+from ...prediction import Simulation
 from ..rows import parts, units_of
 from ..words import AXIS_OF_EQUATION, input_units
 from .evidence import draw_evidence
@@ -79,6 +80,49 @@ def fit_gallery(fit: Fit) -> Gallery:
         signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
         residuals=tuple(draw_residuals(_name("residuals", trace), trace, fit.noise, (), labels) for trace in traces),
     )
+
+
+def diagnosis_signals(diagnosis: Diagnosis, recording: str | None = None) -> Picture:
+    """One recording of a diagnosis with its simulations.
+
+    Args:
+        diagnosis: the result.
+        recording: its name; by default the first that a report shows.
+    """
+    trace = _trace(diagnosis.traces, recording, diagnosis.noise)
+    units = input_units(units_of(diagnosis.bridge))
+    labels = _labels(diagnosis.traces, _DIAGNOSED, alone=_DIAGNOSED[0])
+    return draw_signals(_name("signals", trace), trace, units, labels)
+
+
+def fit_signals(fit: Fit, recording: str | None = None) -> Picture:
+    """The same of a fit."""
+    trace = _trace(fit.traces, recording, fit.noise)
+    units = input_units(units_of(parts(fit)[0].parameters))
+    return draw_signals(_name("signals", trace), trace, units, _labels(fit.traces, _FITTED, alone=_FITTED[1]))
+
+
+def simulation_signals(simulation: Simulation) -> Picture:
+    """A simulation, beside what was recorded."""
+    recording, absent = simulation.recording, np.full(len(simulation["t"]), np.nan)
+    simulated = {channel: simulation[channel] for channel in ("x", "psi", "l") if channel in simulation}
+    measured = {
+        channel: absent if getattr(recording, channel) is None else getattr(recording, channel) for channel in simulated
+    }
+    inputs = {name: simulation[name] for name in ("u_x", "u_l") if name in simulation}
+    trace = Trace(
+        recording.name, "simulated", recording.times - recording.start, inputs, measured, {}, simulated, {}, {}, {}, {}
+    )
+    return draw_signals(_name("signals", trace), trace, recording.units, ("", "simulated"))
+
+
+def _trace(traces: Sequence[Trace], recording: str | None, noise: Mapping[str, float]) -> Trace:
+    if recording is None:
+        return choose(traces, noise, ())[0]
+    found = [trace for trace in traces if trace.recording == recording]
+    if not found:
+        raise ValueError(f"no recording {recording!r}; there are {', '.join(trace.recording for trace in traces)}")
+    return found[0]
 
 
 def choose(traces: Sequence[Trace], noise: Mapping[str, float], when: Sequence[Interval]) -> list[Trace]:

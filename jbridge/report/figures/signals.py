@@ -19,6 +19,7 @@ _AXES = {
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
+    "simulated": "",
 }
 _INPUTS = {"u_x": "cart drive\nu_x", "u_l": "hoist drive\nu_l"}
 
@@ -56,14 +57,15 @@ def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, st
     quantity, scale = _AXES[channel]
     # A sensor slower than the grid leaves gaps, over which the line is drawn on.
     seen = np.isfinite(trace.measured[channel])
-    panel.plot(
-        trace.times[seen],
-        scale.factor * trace.measured[channel][seen],
-        color=RECORDED,
-        alpha=0.6,
-        linewidth=3.4,
-        label="recorded",
-    )
+    if seen.any():
+        panel.plot(
+            trace.times[seen],
+            scale.factor * trace.measured[channel][seen],
+            color=RECORDED,
+            alpha=0.6,
+            linewidth=3.4,
+            label="recorded",
+        )
     for simulated, colour, said in zip((trace.before, trace.after), (BEFORE, AFTER), labels, strict=True):
         if said and channel in simulated:
             panel.plot(

@@ -59,6 +59,8 @@ class Picture:
     title: str
     """What to see in it."""
     png: bytes
+    figure: Figure
+    """The same, to be changed and saved in other ways."""
 
 
 def drawable(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,4 +96,4 @@ def picture(name: str, title: str, height: float, draw: Callable[[FigureBase], N
         content = io.BytesIO()
         # Without the metadata the same data give the same bytes on every version.
         figure.savefig(content, format="png", dpi=_DPI, metadata={"Software": None})
-    return Picture(name, title, content.getvalue())
+    return Picture(name, title, content.getvalue(), figure)

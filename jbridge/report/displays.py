@@ -1,0 +1,162 @@
+"""Results as a text that fits on a screen, a piece of a page, a figure, a table and files: see `_display`."""
+
+from collections.abc import Iterable, Mapping
+from functools import singledispatch
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..diagnosis.result import Diagnosis, NamedEffect
+from ..identification.result import Estimate, Fit
+from ..prediction import Simulation
+from ..recordings import save_csv
+from .diagnosis_page import diagnosis_summary, errors_table
+from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
+from .files import PathLike, make_folder
+from .fit_page import fit_summary
+from .html import show, tag
+from .quantities import digits
+from .rows import error_rows, parts
+from .save import save_fit, save_report
+from .terminal import diagnosis_in_short, fit_in_short
+from .words import CHANNELS
+
+COLUMNS = ("parameter", "kind", "site", "value", "std", "low", "high", "unit", "status", "probability")
+"""Columns of a table of estimates; `kind` and `site` are None for numbers of the bridge."""
+
+
+@singledispatch
+def text(result: Any) -> str:
+    """A result in at most 24 lines of 88 letters."""
+    raise TypeError(f"no display of {type(result).__name__}")
+
+
+@singledispatch
+def html(result: Any) -> str:
+    """A result as a piece of a page, for notebooks."""
+    raise TypeError(f"no display of {type(result).__name__}")
+
+
+@singledispatch
+def figure(result: Any, recording: str | None = None) -> Figure:
+    """A recording of a result beside its simulations."""
+    raise TypeError(f"no display of {type(result).__name__}")
+
+
+@singledispatch
+def columns(result: Any) -> Mapping[str, Any]:
+    """The numbers of a result as columns of equal length."""
+    raise TypeError(f"no display of {type(result).__name__}")
+
+
+@singledispatch
+def save(result: Any, folder: PathLike) -> Path:
+    """Writes what the result's command writes."""
+    raise TypeError(f"no display of {type(result).__name__}")
+
+
+text.register(Fit, fit_in_short)
+text.register(Diagnosis, diagnosis_in_short)
+html.register(Fit, fit_summary)
+html.register(Diagnosis, diagnosis_summary)
+
+
+@text.register
+def _(result: Simulation) -> str:
+    name, rows = result.recording.name, len(result["t"])
+    lines = [f"Simulation of {name}: {rows} rows over {digits(result.recording.duration)} s of {', '.join(result)}"]
+    for row in error_rows(None, result.errors, {}):
+        lines.append(f"  {CHANNELS[row.channel]}: rms error {row.after}")
+    return "\n".join(lines)
+
+
+@html.register
+def _(result: Simulation) -> str:
+    errors = errors_table(None, result.errors, {}) if result.errors else ""
+    return tag("p", text(result).partition("\n")[0]) + errors + show(simulation_signals(result))
+
+
+@figure.register
+def _(result: Fit, recording: str | None = None) -> Figure:
+    return fit_signals(result, recording).figure
+
+
+@figure.register
+def _(result: Diagnosis, recording: str | None = None) -> Figure:
+    return diagnosis_signals(result, recording).figure
+
+
+@figure.register
+def _(result: Simulation, recording: str | None = None) -> Figure:
+    return simulation_signals(result).figure
+
+
+@columns.register
+def _(result: Simulation) -> Mapping[str, Any]:
+    return dict(result)
+
+
+@columns.register
+def _(result: Fit) -> Mapping[str, Any]:
+    return _as_columns(row for part in parts(result) for row in _rows(part.kind, part.site, part.parameters))
+
+
+@columns.register
+def _(result: Diagnosis) -> Mapping[str, Any]:
+    def of(effect: NamedEffect, status: str | None) -> list[tuple[Any, ...]]:
+        return _rows(effect.kind, effect.site, effect.parameters, status, effect.probability)
+
+    named = [row for effect in result.effects for row in of(effect, effect.status)]
+    own = [row for effect in result.model_effects for row in of(effect, None)]
+    return _as_columns([*named, *own, *_rows(None, None, result.bridge)])
+
+
+@save.register
+def _(result: Fit, folder: PathLike) -> Path:
+    return save_fit(folder, result)
+
+
+@save.register
+def _(result: Diagnosis, folder: PathLike) -> Path:
+    return save_report(folder, result)
+
+
+@save.register
+def _(result: Simulation, folder: PathLike) -> Path:
+    """Into a file of that name if it ends in `.csv`, else as `simulated.csv` into a folder."""
+    target = Path(folder)
+    target = target if target.suffix.lower() == ".csv" else target / "simulated.csv"
+    make_folder(target.parent)
+    save_csv(target, result)
+    return target
+
+
+def _rows(
+    kind: str | None,
+    site: str | None,
+    parameters: Mapping[str, Estimate],
+    status: str | None = None,
+    probability: float | None = None,
+) -> list[tuple[Any, ...]]:
+    """A row for each number, in the order of `COLUMNS`; entries of lists are called `name[0]` and so on."""
+    rows: list[tuple[Any, ...]] = []
+    for name, estimate in parameters.items():
+        numbers = (estimate.value, estimate.std, estimate.low, estimate.high)
+        if isinstance(estimate.value, list):
+            for k in range(len(estimate.value)):
+                own = (each[k] if isinstance(each, list) else each for each in numbers)
+                rows.append((f"{name}[{k}]", kind, site, *map(_number, own), estimate.unit, status, probability))
+        else:
+            rows.append((name, kind, site, *map(_number, numbers), estimate.unit, status, probability))
+    return rows
+
+
+def _number(value: Any) -> float:
+    return np.nan if value is None else float(value)
+
+
+def _as_columns(rows: Iterable[tuple[Any, ...]]) -> Mapping[str, Any]:
+    listed = list(rows)
+    return {name: [row[k] for row in listed] for k, name in enumerate(COLUMNS)}

@@ -1,0 +1,167 @@
+"""Arrays and data frames give the recording that a file with the same columns gives, and the same refusals."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jbridge import InputError, Recording
+from jbridge.identification.problem import make_setting
+from jbridge.model.files import load_model
+from jbridge.recordings import load_recording
+
+
+class Frame:
+    """What a pandas frame offers that is used."""
+
+    def __init__(self, columns, index=None):
+        self._columns, self.columns, self.index = columns, list(columns), index
+
+    def __getitem__(self, name):
+        return self._columns[name]
+
+
+def same(one, other):
+    for field in dataclasses.fields(Recording):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if field.name in ("name", "notes"):
+            continue
+        if field.name in ("fresh", "extras"):
+            assert a.keys() == b.keys()
+            assert all(np.array_equal(a[key], b[key]) for key in a), field.name
+        elif isinstance(a, np.ndarray):
+            np.testing.assert_array_equal(a, b, err_msg=field.name)
+        elif field.name == "earlier" and a is not None:
+            np.testing.assert_array_equal(a.times, b.times)
+        else:
+            assert a == b, field.name
+
+
+SIDECAR = """
+[columns]
+psi = {column = "psi", unit = "deg", sign = -1, offset = 3.0}
+u_x = {unit = "A"}
+[resolution]
+x = 1e-4
+[hold]
+psi = true
+[override]
+load_mass = 0.25
+[trim]
+start = 0.2
+"""
+DECLARED = {
+    "columns": {"psi": {"unit": "deg", "sign": -1, "offset": 3.0}, "u_x": {"unit": "A"}},
+    "resolution": {"x": 1e-4},
+    "hold": {"psi": True},
+    "override": {"load_mass": np.float64(0.25)},
+    "trim": {"start": 0.2},
+}
+
+
+def test_arrays_are_a_file(columns, write):
+    same(Recording.from_arrays(**columns), load_recording(write(columns)))
+
+
+def test_what_a_sidecar_says_is_an_argument(columns, write):
+    found = Recording.from_arrays(**columns, sidecar=DECLARED)
+    same(found, load_recording(write(columns, SIDECAR)))
+    assert (found.units["u_x"], found.override, found.resolution["x"]) == ("A", {"load_mass": 0.25}, 1e-4)
+
+
+def test_a_locked_rope_is_declared(chosen):
+    found = Recording.from_arrays(**chosen("t u_x x psi"), sidecar={"locked": {"l": 0.7}})
+    assert found.locked_length == 0.7 and found.has_swing and not found.has_hoist
+
+
+@pytest.mark.parametrize("wrap", [dict, Frame])
+def test_a_frame_is_a_file(columns, write, wrap):
+    renamed = {{"psi": "theta", "x": "cart_mm"}.get(name, name): values for name, values in columns.items()}
+    renamed["cart_mm"] = 1000.0 * renamed["cart_mm"]
+    renamed["x_ref"] = columns["x"] + 0.01
+    mapped = {"psi": "theta", "x": {"column": "cart_mm", "unit": "mm"}}
+    toml = '[columns]\npsi = "theta"\nx = {column = "cart_mm", unit = "mm"}\n'
+    found = Recording.from_dataframe(wrap(renamed), columns=mapped, name="run")
+    same(found, load_recording(write(renamed, toml)))
+    assert found.name == "run" and list(found.extras) == ["x_ref"]
+
+
+def test_a_named_index_is_a_column(columns):
+    times = columns.pop("t")
+    index = type("Index", (), {"name": "t", "__array__": lambda self, dtype=None, copy=None: times})()
+    np.testing.assert_array_equal(Recording.from_dataframe(Frame(columns, index)).times, times)
+    assert Recording.from_dataframe({"t": times, **columns}).name == "recording"
+    with pytest.raises(InputError, match="no column t"):
+        Recording.from_dataframe(Frame(columns, SimpleNamespace(name=None)))
+
+
+def test_pandas_frames(columns):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(columns)
+    same(Recording.from_dataframe(frame), Recording.from_arrays(**columns))
+    same(Recording.from_dataframe(frame.set_index("t")), Recording.from_arrays(**columns))
+
+
+def test_the_arrays_stay_the_callers(columns):
+    found = Recording.from_arrays(**columns)
+    columns["x"][0] = 7.0
+    assert found.x[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        found.x[0] = 1.0
+
+
+def spoilt(name, place, value):
+    def edit(columns):
+        columns[name][place] = value
+
+    return edit
+
+
+def changed(**new):
+    return lambda columns: columns.update(new)
+
+
+REFUSED = {
+    "NaN": (spoilt("x", 11, np.nan), r"^tuesday, row 11, column x: the value is NaN; delete the row"),
+    "infinite": (spoilt("u_x", 0, np.inf), r"^tuesday, row 0, column u_x: the value is infinite"),
+    "time stands still": (spoilt("t", 5, 0.02), r"^tuesday, row 5, column t: time must increase"),
+    "millimetres": (changed(x=np.full(400, 2e6)), r"^tuesday, row 0, column x: .*declare its unit"),
+    "lengths": (changed(x=np.zeros(399)), r"^tuesday, column x: 399 values, but t has 400"),
+    "a matrix": (changed(x=np.zeros((400, 2))), r"^tuesday, column x: an array of shape \(400, 2\), where a vector"),
+    "a number": (changed(u_l=np.zeros(())), r"^tuesday, column u_l: an array of shape \(\), where a vector"),
+    "text": (changed(x=["far"] * 400), r"^tuesday, column x: text, where a vector"),
+    "objects": (changed(x=[None, *[0.0] * 398, "a"]), r"^tuesday, column x: not only numbers"),
+    "dates": (changed(t=np.arange(400).astype("datetime64[s]")), r"^tuesday, column t: dates or durations"),
+    "no input": (changed(u_x=None), r"^tuesday: a column x but no u_x"),
+    "few": (lambda columns: columns.update({k: v[:20] for k, v in columns.items()}), r"^tuesday: 20 samples"),
+    "unknown unit": (
+        changed(sidecar={"columns": {"x": {"unit": "ft"}}}),
+        r"^tuesday, sidecar, \[columns\], x: unknown",
+    ),
+    "unknown key": (changed(sidecar={"lock": 0.7}), r"^tuesday, sidecar: unknown key 'lock'; did you mean locked"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_name_the_recording(columns, case):
+    edit, message = REFUSED[case]
+    edit(columns)
+    with pytest.raises(InputError, match=message):
+        Recording.from_arrays(**columns, name="tuesday")
+
+
+def test_inputs_alone_are_for_a_simulation(chosen):
+    inputs = chosen("t u_x")
+    with pytest.raises(InputError, match="nothing measured"):
+        Recording.from_arrays(**inputs)
+    found = Recording.from_arrays(**inputs, sidecar={"initial": {"x": 0.3}}, inputs_only=True)
+    assert found.initial == {"x": 0.3} and found.x is None
+
+
+def test_two_units_of_one_input_are_refused(chosen, tmp_path):
+    (tmp_path / "model.toml").write_text("[bridge]\ncart_mass = 5.5\ncart_damping = 45.0\ncart_gain = 16.0\n")
+    run = chosen("t u_x x")
+    other = Recording.from_arrays(**run, name="b", sidecar={"columns": {"u_x": {"unit": "A"}}})
+    with pytest.raises(InputError, match="b, column u_x: in A, but in V in a"):
+        make_setting(load_model(tmp_path / "model.toml"), [Recording.from_arrays(**run, name="a"), other], [])
