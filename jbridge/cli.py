@@ -18,6 +18,7 @@ from jbridge import InputError
 
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
+_FORCE = "take columns that are plainly in another unit, of another sign or called otherwise as they are"
 _OUT = "folder for the results; files in it are replaced one by one"
 _SIMULATE = """\
 Plays the inputs of a recording on a model and writes what the sensors would
@@ -123,7 +124,7 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
     progress("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
-    recording = jbridge.load_recording(arguments.input, inputs_only=True)
+    recording = jbridge.load_recording(arguments.input, inputs_only=True, force=arguments.force)
     progress("simulating")
     columns = jbridge.simulate(model, recording)
     Path(arguments.out).parent.mkdir(parents=True, exist_ok=True)
@@ -266,9 +267,9 @@ def _load(
     progress("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
-    recordings = jbridge.load_recordings(learnt)
+    recordings = jbridge.load_recordings(learnt, force=arguments.force)
     # All together are checked against each other, yet nothing about a hold-out may colour the others.
-    every = jbridge.load_recordings(paths) if arguments.holdout else ()
+    every = jbridge.load_recordings(paths, force=arguments.force) if arguments.holdout else ()
     return model, recordings, every[len(recordings) :]
 
 
@@ -390,6 +391,8 @@ def _parser() -> _Parser:
         "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"
     )
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
+    for command in (simulate, fit, diagnose):
+        command.add_argument("--force", action="store_true", help=_FORCE)
     for command in (simulate, fit, diagnose, control, tune, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
