@@ -34,8 +34,10 @@ squares. Were each as likely to speak against it, this would be exceeded with a 
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
 STRETCH = 3
 """Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
-LATE = (0, 1, 2, 3)
-"""Delays of a drive that are tried [cells]: a periodic input that comes half a period late looks reversed."""
+LATE, LATE_AGAINST = range(8), range(2)
+"""Delays that are tried [cells] of a drive as declared, and of one that is turned. A periodic input, and the limit
+cycle of a controller with a late drive, look turned once they come half a period late, so that the declared sign has
+every chance, and the other one that of a drive that answers at once."""
 CELL = 0.1
 """Time over which a driven axis is averaged [s]: well above sampling periods, not above the time constants of carts."""
 
@@ -326,7 +328,7 @@ def runs_backwards(
     # A friction, and what the load does, may have any sign where it is not known whether the axis is read turned.
     of_force = against_and_with(cells, cells.acceleration("q"), [-speed, -direction], load)
     of_speed = against_and_with(cells, speed, [], [])
-    verdicts = [(certainly_better(w, a), certainly_better(a, w)) for a, w in (of_force, of_speed)]
+    verdicts = [(certainly_better(w, a), bool(np.sum(w**2) < np.sum(a**2))) for a, w in (of_force, of_speed)]
     return any(against for against, _ in verdicts) and not any(along for _, along in verdicts)
 
 
@@ -352,7 +354,7 @@ def against_and_with(
         scale = np.maximum(np.sqrt(np.mean(parts**2, axis=0)), 1e-300)
         triangle = np.asarray(np.linalg.qr(np.column_stack([parts / scale, wanted]), mode="r"))
         count = parts.shape[1]
-        for against in (True, False):
+        for against in (True, False) if delay in LATE_AGAINST else (False,):
             way = np.ones(count)
             way[0] = -1.0 if against else 1.0
             # What may have any factor enters twice, once with each sign.
