@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose, control, tune, sweep, figures.
+"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -27,6 +27,15 @@ read, without noise.
 The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as
 the rig has them. The file of inputs needs no measurements; the start is then
 the [initial] table of its sidecar.
+"""
+_CHECK = """\
+Says what recordings are read as, in seconds: columns, units, sampling, gaps,
+noise, resolution and signs; with a model, which of its numbers these
+recordings can tell.
+
+All problems are listed, each with the line that mends it; the exit status is
+then 2, as it would be for the commands that refuse such a recording. DIR
+receives check.png (the signals) and check.html (all of it).
 """
 _FIT = """\
 Estimates the unknown numbers of a model from recordings, with 95 % intervals.
@@ -131,6 +140,37 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_csv(arguments.out, columns)
     progress.clear()
     print(f"{arguments.out}: {len(columns['t'])} rows of {', '.join(columns)}")
+
+
+def _check(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    model_file, *rest = arguments.files
+    paths = rest if model_file.lower().endswith(".toml") else arguments.files
+    if not paths:
+        raise InputError(f"{model_file}: a model without recordings; name at least one, see jbridge check --help")
+    if arguments.out:
+        jbridge.check_output(arguments.out, folder=True, inputs=arguments.files)
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(model_file) if paths is rest else None
+    inspections = jbridge.inspect_recordings(paths)
+    problems = [problem for each in inspections for problem in each.problems]
+    found, mismatch = None, ""
+    if model is not None and (arguments.force or not problems):
+        progress("linearising")
+        recordings = [each.recording for each in inspections if each.recording is not None]
+        try:
+            found = jbridge.identifiability(model, recordings) if recordings else None
+        except InputError as error:
+            mismatch = str(error)
+    text = jbridge.describe_check(inspections, found, mismatch)
+    if arguments.out:
+        progress("drawing")
+        jbridge.save_check(arguments.out, inspections, text)
+    progress.clear()
+    print(text, end="")
+    unread = any(each.recording is None for each in inspections)
+    if mismatch or (problems and (unread or not arguments.force)):
+        raise InputError([*problems, mismatch][0])
 
 
 def _fit(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -328,6 +368,11 @@ def _parser() -> _Parser:
     simulate.add_argument(
         "--out", metavar="OUT.csv", required=True, help="where to write; an existing file is replaced"
     )
+    check = _command(commands, "check", "what recordings are read as, and can tell", _CHECK, _check)
+    check.usage = "jbridge check [-h] [--out DIR] [--force] [--no-cache] [MODEL.toml] REC.csv [REC.csv ...]"
+    check.epilog = "example:\n  jbridge check model.toml monday-*.csv --out checked"
+    check.add_argument("files", metavar="[MODEL.toml] REC.csv", nargs="+", help=f"{_RECORDING}; a model may come first")
+    check.add_argument("--out", metavar="DIR", help=_OUT)
     fit = _command(commands, "fit", "the model's unknown numbers, from recordings", _FIT, _fit)
     fit.epilog = "example:\n  jbridge fit model.toml monday-*.csv --holdout tuesday-1.csv --out fitted"
     _add_recordings(fit)
@@ -391,9 +436,9 @@ def _parser() -> _Parser:
         "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"
     )
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
-    for command in (simulate, fit, diagnose):
+    for command in (check, simulate, fit, diagnose):
         command.add_argument("--force", action="store_true", help=_FORCE)
-    for command in (simulate, fit, diagnose, control, tune, sweep, figures):
+    for command in (check, simulate, fit, diagnose, control, tune, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )

@@ -5,7 +5,21 @@ or assumed about it stands in its notes.
 """
 
 from jbridge.recordings.csv_table import save_csv
-from jbridge.recordings.load import constant_inputs, load_recording, load_recordings
+from jbridge.recordings.load import (
+    Inspection,
+    constant_inputs,
+    inspect_recordings,
+    load_recording,
+    load_recordings,
+)
 from jbridge.recordings.recording import Recording
 
-__all__ = ["Recording", "constant_inputs", "load_recording", "load_recordings", "save_csv"]
+__all__ = [
+    "Inspection",
+    "Recording",
+    "constant_inputs",
+    "inspect_recordings",
+    "load_recording",
+    "load_recordings",
+    "save_csv",
+]

@@ -1,7 +1,7 @@
 """Reads recordings: columns become channels in SI units, and everything that cannot be right is refused."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,18 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, read_channels
+from jbridge.recordings.columns import Column
 from jbridge.recordings.csv_table import read_csv
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.mat_table import read_mat
 from jbridge.recordings.parts import Parts, find_parts
-from jbridge.recordings.plausibility import doubtful_angle, doubtful_names, doubtful_signs, doubtful_units
+from jbridge.recordings.plausibility import (
+    doubtful_angle,
+    doubtful_names,
+    doubtful_signs,
+    doubtful_units,
+    signs_of,
+)
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -88,11 +95,52 @@ def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
 
 
 @dataclass(frozen=True)
+class Inspection:
+    """What a file was read as, and everything that is wrong with it."""
+
+    path: str
+    """The file, as the caller named it."""
+    recording: Recording | None
+    """None where nothing could be read."""
+    columns: Mapping[str, Column]
+    """The column of each channel, with unit and sign."""
+    signs: Mapping[str, bool | None]
+    """By `psi`, `u_x`, `u_l`: whether the sign fits the laws of motion; None where the recording does not tell."""
+    problems: tuple[str, ...]
+    """Each a line with what mends it; the first one is what other commands refuse the file with."""
+
+
+def inspect_recordings(paths: Sequence[PathLike], *, sidecar: PathLike | None = None) -> tuple[Inspection, ...]:
+    """Returns what each file is read as, with all that is doubtful about it, and refuses nothing.
+
+    What several recordings contradict each other in is the problem of the last one.
+    """
+    found = []
+    for path in paths:
+        problems: list[InputError] = []
+        reading = None
+        try:
+            reading = read(path, False, sidecar, problems.append)
+        except InputError as error:
+            problems.append(error)
+        recording, columns = (None, {}) if reading is None else (reading.recording, reading.columns)
+        signs = {} if recording is None or problems else signs_of(recording)
+        found.append(Inspection(str(path), recording, columns, signs, tuple(map(str, problems))))
+    try:
+        load_recordings([each.path for each in found if each.recording is not None], sidecar=sidecar, force=True)
+    except InputError as error:
+        found[-1] = replace(found[-1], problems=(*found[-1].problems, str(error)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
 class Reading:
     """A recording, and what it shows about the rate of each of its sensors."""
 
     recording: Recording
     holds: dict[str, Hold]
+    columns: dict[str, Column]
+    """The column that each channel was read from."""
 
 
 def refuse(doubt: InputError) -> None:
@@ -157,7 +205,7 @@ def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None, tell: Call
         else None,
         **arrays,
     )
-    return Reading(recording, holds)
+    return Reading(recording, holds, channels.columns)
 
 
 def read_table(path: Path) -> Table:

@@ -23,6 +23,7 @@ from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
 from jbridge.recordings.columns import UNITS
+from jbridge.recordings.recording import MEASURED, Recording
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
@@ -134,6 +135,31 @@ def doubtful_signs(
         yield refusal(channels, "psi", "the load swings to where the cart accelerates, against gravity", turned=True)
     if "l" in samples and "u_l" in values and runs_backwards(times, values["u_l"], samples["l"], None):
         yield refusal(channels, "u_l", "the rope's length moves against it at every delay", turned=True)
+
+
+def signs_of(recording: Recording) -> dict[str, bool | None]:
+    """Returns whether the signs of a recording fit the laws of motion: True if they certainly do, False if they
+    certainly do not, None where it does not tell. They do if the other sign would certainly be wrong.
+    """
+    samples = {name: recording.samples(name) for name in MEASURED if getattr(recording, name) is not None}
+    x, psi, l = (samples.get(name) for name in MEASURED)
+    if l is None and recording.locked_length is not None:
+        l = recording.times[[0, -1]], np.full(2, recording.locked_length)
+    found: dict[str, bool | None] = {}
+    if x is not None and psi is not None and l is not None:
+        as_read, turned = (misread_swing(recording.times, psi, (x[0], way * x[1]), l) for way in (1, -1))
+        found["psi"] = decided(turned is not None and turned.turned, as_read is not None and as_read.turned)
+    for name, position, load in (("u_x", x, psi), ("u_l", samples.get("l"), None)):
+        u = getattr(recording, name)
+        if u is not None and position is not None:
+            backwards = [runs_backwards(recording.times, way * u, position, load) for way in (1, -1)]
+            found[name] = decided(backwards[1], backwards[0])
+    return found
+
+
+def decided(right: bool, wrong: bool) -> bool | None:
+    """Returns a decision, or None where neither side was certain."""
+    return None if right == wrong else right
 
 
 FORCE = "; --force takes it as it is"

@@ -77,6 +77,11 @@ class Recording:
         """Median time from one row to the next [s]."""
         return float(np.median(np.diff(self.times)))
 
+    def samples(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
+        """Returns times [s] and values of the fresh samples of a measured channel."""
+        fresh = self.fresh[channel]
+        return self.times[fresh], getattr(self, channel)[fresh]
+
     @property
     def commands(self) -> Commands:
         """Its inputs, those before its first row included."""
