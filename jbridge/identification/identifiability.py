@@ -36,8 +36,9 @@ class Identifiability:
 def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiability:
     """Returns the standard deviations that the Gauss-Newton matrix promises at the model's own numbers.
 
-    The matrix `J' W J` is that of a fit to windows of up to 3 s, with initial states eliminated. What the model leaves
-    at its own numbers counts as noise, so that a poor start makes the promise smaller, not larger.
+    The matrix `J' W J` is that of a fit to windows of up to 3 s, with initial states eliminated and weights `W` of the
+    sensors' noise, taken as white. This is the Cramer-Rao bound of a model that is right (Ljung, System
+    Identification, 1999, section 7.4): what a model leaves unexplained makes a fit less certain than that.
 
     Args:
         model: its numbers are where the matrix is taken.
@@ -54,9 +55,11 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     problem = make_problem(setting, make_data(setting.recordings, horizons))
     engine = engine_for(setting, problem.data, plant)
     start = start_of(problem, engine, plant, model.known)
-    problem = problem.judged_by(problem.residuals(engine, start))
+    key = np.random.default_rng(0)
+    white = [key.standard_normal(left.shape) for left in problem.residuals(engine, start)]
     [point] = problem.evaluate(engine, [start])
-    cov = covariance(problem, engine, point)
+    point = dataclasses.replace(point, square=np.ones_like(point.square))
+    cov = covariance(problem.judged_by(white), engine, point)
     table = ParameterTable(plant, setting.units)
     found = estimates(table, point.vector, point.free, cov, setting.period)
     names = dict.fromkeys(table.entry(int(place)).group for place in point.free)

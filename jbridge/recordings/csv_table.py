@@ -78,6 +78,11 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     """Returns the names of the columns, or refuses what cannot be a header of a comma-separated table."""
     row, line = filled[0] + 1, lines[filled[0]]
     names = [name.strip() for name in split(path, row, line)]
+    if len(names) == 1 and len(names[0].split()) > 2 and is_number(lines[filled[-1]].split()[0]):
+        raise InputError(
+            f"{path}, row {row}: blanks between the columns; export with commas, or convert with"
+            f" sed 's/^ *//; s/  */,/g' {path.name} > converted.csv"
+        )
     if len(names) == 1 and any("," in lines[number] for number in filled[1:100]):
         raise InputError(
             f"{path}, row {row}: {quoted(line)} is no row of column names; delete the rows above the header, and others"

@@ -118,11 +118,12 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
 
 def _numbers(found: Identifiability) -> Iterator[str]:
     yield "Numbers that a fit would estimate, and how well these recordings can tell each at best"
+    width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]
         value, std = estimate.value, estimate.std
         if isinstance(value, list) or isinstance(std, list):
-            yield f"  {name:28} a table of {len(value) if isinstance(value, list) else 1}"
+            yield f"  {name:{width}} a table of {len(value) if isinstance(value, list) else 1}"
             continue
         start = join_unit(digits(value), estimate.unit)
         if std is None:
@@ -131,8 +132,8 @@ def _numbers(found: Identifiability) -> Iterator[str]:
             verdict = f"to {join_unit(digits(std, 2), estimate.unit)}"
         else:
             share = abs(std / value)
-            verdict = f"to {percent(share)}" if share < _LOOSE else f"hardly, to {100 * share:.0f} %"
-        yield f"  {name:28} {start:>16}  {verdict}"
+            verdict = f"to {digits(100 * share, 2)} %" if share < _LOOSE else f"hardly, to {100 * share:.0f} %"
+        yield f"  {name:{width}} {start:>16}  {verdict}"
     for text in (*found.warnings, *found.notes):
         yield from textwrap.wrap(text, _WIDTH, initial_indent="  - ", subsequent_indent="    ")
 
