@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.real_rigs import run
-from jbridge.recordings.plausibility import misread_swing, runs_backwards
+from jbridge.recordings.plausibility import is_swapped, misread_swing, runs_backwards
 
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))
@@ -65,6 +65,7 @@ def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
         x, psi, u = (t, seen["x"][:, k]), (t, seen["psi"][:, k]), seen["u"][:, k]
         rope = t[[0, -1]], np.full(2, seen["l"][k])
         assert misread_swing(t, psi, x, rope) is None
+        assert not is_swapped(t, psi, x, rope)
         for load in (psi, None):
             assert not runs_backwards(t, u, x, load)
         turned = misread_swing(t, (t, -psi[1]), x, rope)

@@ -216,3 +216,14 @@ def test_right_signs_are_confirmed(tmp_path):
     (inspected,) = inspect_recordings([path])
     assert inspected.problems == ()
     assert inspected.signs == {"psi": True, "u_x": True, "u_l": True}
+
+
+@pytest.mark.parametrize(("one", "other"), [("x", "psi"), ("u_x", "u_l"), ("x", "l")])
+def test_exchanged_columns(tmp_path, one, other):
+    path = tmp_path / "run.csv"
+    path.write_text(table(renamed(**{one: other, other: one})))
+    with pytest.raises(InputError, match="exchanged") as caught:
+        load_recording(path)
+    first, second = re.search(r"declare (\w+ = \{.*?\}) and (\w+ = \{.*?\}) under", str(caught.value)).groups()
+    (tmp_path / "run.toml").write_text(f"[columns]\n{first}\n{second}\n")
+    check(load_recording(path))
