@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from jbridge.identification.fit import Starts as Starts
     from jbridge.identification.fit import fit as fit
     from jbridge.identification.fit import fit_from_many as fit_from_many
+    from jbridge.identification.identifiability import Identifiability as Identifiability
+    from jbridge.identification.identifiability import identifiability as identifiability
     from jbridge.identification.result import Fit as Fit
     from jbridge.loop import closed_loop as closed_loop
     from jbridge.model.bridge import Bridge as Bridge
@@ -50,10 +52,14 @@ if TYPE_CHECKING:
     from jbridge.model.plant import Plant as Plant
     from jbridge.prediction import Simulation as Simulation
     from jbridge.prediction import simulate as simulate
+    from jbridge.recordings import Inspection as Inspection
     from jbridge.recordings import Recording as Recording
+    from jbridge.recordings import inspect_recordings as inspect_recordings
     from jbridge.recordings import load_recording as load_recording
     from jbridge.recordings import load_recordings as load_recordings
     from jbridge.recordings import save_csv as save_csv
+    from jbridge.report.check import describe_check as describe_check
+    from jbridge.report.check import save_check as save_check
     from jbridge.report.comparison import save_comparison as save_comparison
     from jbridge.report.files import check_output as check_output
     from jbridge.report.former import load_former as load_former
@@ -117,7 +123,9 @@ _HOMES = {
     "Former": "diagnosis.result",
     "FuzzyController": "control.fuzzy",
     "FuzzyKnobs": "tuning.knobs",
+    "Identifiability": "identification.identifiability",
     "InputError": "errors",
+    "Inspection": "recordings",
     "Legs": "tuning.ensemble",
     "Measure": "tuning.cost",
     "Model": "model.files",
@@ -139,6 +147,7 @@ _HOMES = {
     "check_output": "report.files",
     "closed_loop": "loop",
     "compensation_for": "tuning.compensation",
+    "describe_check": "report.check",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
     "describe_tracking": "report.tracking",
@@ -147,7 +156,9 @@ _HOMES = {
     "extended_controller": "control.extended",
     "fit": "identification.fit",
     "fit_from_many": "identification.fit",
+    "identifiability": "identification.identifiability",
     "idle_parts": "fuzzy.check",
+    "inspect_recordings": "recordings",
     "join": "sweep.processes",
     "knobs_of": "tuning.knobs",
     "linear_model": "tuning.linearise",
@@ -169,6 +180,7 @@ _HOMES = {
     "random_legs": "tuning.ensemble",
     "read_sweep": "sweep.run",
     "run_sweep": "sweep.run",
+    "save_check": "report.check",
     "save_comparison": "report.comparison",
     "save_controller": "control.files",
     "save_csv": "recordings",
@@ -208,7 +220,9 @@ __all__ = [
     "Former",
     "FuzzyController",
     "FuzzyKnobs",
+    "Identifiability",
     "InputError",
+    "Inspection",
     "Legs",
     "Measure",
     "Model",
@@ -230,6 +244,7 @@ __all__ = [
     "check_output",
     "closed_loop",
     "compensation_for",
+    "describe_check",
     "describe_diagnosis",
     "describe_fit",
     "describe_tracking",
@@ -238,7 +253,9 @@ __all__ = [
     "extended_controller",
     "fit",
     "fit_from_many",
+    "identifiability",
     "idle_parts",
+    "inspect_recordings",
     "join",
     "knobs_of",
     "linear_model",
@@ -260,6 +277,7 @@ __all__ = [
     "random_legs",
     "read_sweep",
     "run_sweep",
+    "save_check",
     "save_comparison",
     "save_controller",
     "save_csv",

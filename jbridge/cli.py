@@ -1,4 +1,4 @@
-"""The command `jbridge`: simulate, fit, diagnose, control, tune, sweep, figures.
+"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -18,6 +18,7 @@ from jbridge import InputError
 
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
+_FORCE = "take columns that are plainly in another unit, of another sign or called otherwise as they are"
 _OUT = "folder for the results; files in it are replaced one by one"
 _SIMULATE = """\
 Plays the inputs of a recording on a model and writes what the sensors would
@@ -27,6 +28,15 @@ The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as
 the rig has them. A recording with measurements starts in the state that its
 first half second tells best, as in the reports of fit and diagnose. A file of
 inputs alone starts at rest at the [initial] table of its sidecar.
+"""
+_CHECK = """\
+Says what recordings are read as, in seconds: columns, units, sampling, gaps,
+noise, resolution and signs; with a model, which of its numbers these
+recordings can tell.
+
+All problems are listed, each with the line that mends it; the exit status is
+then 2, as it would be for the commands that refuse such a recording. DIR
+receives check.png (the signals) and check.html (all of it).
 """
 _FIT = """\
 Estimates the unknown numbers of a model from recordings, with 95 % intervals.
@@ -124,13 +134,44 @@ def _simulate(arguments: argparse.Namespace, progress: "_Progress") -> None:
     progress("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
-    recording = jbridge.load_recording(arguments.input, inputs_only=True)
+    recording = jbridge.load_recording(arguments.input, inputs_only=True, force=arguments.force)
     progress("simulating")
     columns = jbridge.simulate(model, recording, arguments.initial)
     Path(arguments.out).parent.mkdir(parents=True, exist_ok=True)
     jbridge.save_csv(arguments.out, columns)
     progress.clear()
     print(f"{arguments.out}: {len(columns['t'])} rows of {', '.join(columns)}")
+
+
+def _check(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    model_file, *rest = arguments.files
+    paths = rest if model_file.lower().endswith(".toml") else arguments.files
+    if not paths:
+        raise InputError(f"{model_file}: a model without recordings; name at least one, see jbridge check --help")
+    if arguments.out:
+        jbridge.check_output(arguments.out, folder=True, inputs=arguments.files)
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(model_file) if paths is rest else None
+    inspections = jbridge.inspect_recordings(paths)
+    problems = [problem for each in inspections for problem in each.problems]
+    found, mismatch = None, ""
+    if model is not None and (arguments.force or not problems):
+        progress("linearising")
+        recordings = [each.recording for each in inspections if each.recording is not None]
+        try:
+            found = jbridge.identifiability(model, recordings) if recordings else None
+        except InputError as error:
+            mismatch = str(error)
+    text = jbridge.describe_check(inspections, found, mismatch)
+    if arguments.out:
+        progress("drawing")
+        jbridge.save_check(arguments.out, inspections, text)
+    progress.clear()
+    print(text, end="")
+    unread = any(each.recording is None for each in inspections)
+    if mismatch or (problems and (unread or not arguments.force)):
+        raise InputError([*problems, mismatch][0])
 
 
 def _fit(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -267,9 +308,9 @@ def _load(
     progress("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
-    recordings = jbridge.load_recordings(learnt)
+    recordings = jbridge.load_recordings(learnt, force=arguments.force)
     # All together are checked against each other, yet nothing about a hold-out may colour the others.
-    every = jbridge.load_recordings(paths) if arguments.holdout else ()
+    every = jbridge.load_recordings(paths, force=arguments.force) if arguments.holdout else ()
     return model, recordings, every[len(recordings) :]
 
 
@@ -335,6 +376,11 @@ def _parser() -> _Parser:
     simulate.add_argument(
         "--out", metavar="OUT.csv", required=True, help="where to write; an existing file is replaced"
     )
+    check = _command(commands, "check", "what recordings are read as, and can tell", _CHECK, _check)
+    check.usage = "jbridge check [-h] [--out DIR] [--force] [--no-cache] [MODEL.toml] REC.csv [REC.csv ...]"
+    check.epilog = "example:\n  jbridge check model.toml monday-*.csv --out checked"
+    check.add_argument("files", metavar="[MODEL.toml] REC.csv", nargs="+", help=f"{_RECORDING}; a model may come first")
+    check.add_argument("--out", metavar="DIR", help=_OUT)
     fit = _command(commands, "fit", "the model's unknown numbers, from recordings", _FIT, _fit)
     fit.epilog = "example:\n  jbridge fit model.toml monday-*.csv --holdout tuesday-1.csv --out fitted"
     _add_recordings(fit)
@@ -398,7 +444,9 @@ def _parser() -> _Parser:
         "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"
     )
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
-    for command in (simulate, fit, diagnose, control, tune, sweep, figures):
+    for command in (check, simulate, fit, diagnose):
+        command.add_argument("--force", action="store_true", help=_FORCE)
+    for command in (check, simulate, fit, diagnose, control, tune, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )

@@ -119,6 +119,61 @@ def test_simulate_writes_the_channels(rig, calls, capsys):
     assert calls["simulate"][1:] == ("a.csv", "first-row")
 
 
+def turned(name: str) -> None:
+    """A cart of some friction, recorded for 20 s with the input's wires crossed."""
+    times = np.arange(1000) * 0.02
+    u = np.repeat(np.random.default_rng(0).uniform(-2.0, 2.0, 25), 40)
+    v = np.zeros(1000)
+    for k in range(999):
+        v[k + 1] = v[k] + 0.02 * (3.0 * u[k] - 8.0 * v[k])
+    jbridge.save_csv(name, {"t": times, "u_x": -u, "x": np.cumsum(v) * 0.02})
+
+
+@pytest.mark.parametrize("command", ["simulate model.toml --input", "fit model.toml", "diagnose model.toml"])
+def test_a_wrong_sign_is_refused_before_anything_runs(rig, calls, capsys, command):
+    turned("t.csv")
+    assert main([*command.split(), "t.csv", "--out", "out"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "t.csv, column u_x" in err and 'u_x = {column = "u_x", unit = "V", sign = -1}' in err
+    assert not calls and not (rig / "out").exists()
+    assert main([*command.split(), "t.csv", "--out", "out", "--force"]) == 0
+    (rig / "t.toml").write_text('[columns]\nu_x = {column = "u_x", unit = "V", sign = -1}\n')
+    assert main([*command.split(), "t.csv", "--out", "mended"]) == 0
+
+
+def test_check_says_what_was_read(rig, capsys):
+    turned("t.csv")
+    (rig / "t.toml").write_text("[columns]\nu_x = {sign = -1}\n")
+    assert main(["check", "t.csv", "a.csv"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("NOTHING IS PLAINLY WRONG") and err == ""
+    for needle in ("1000 rows", "every 20 ms", "u_x from u_x [V, sign -1]", "noise", "no gap", "u_x: fits the laws"):
+        assert needle in " ".join(out.split()), needle
+    assert {path.name for path in rig.iterdir()} >= {"t.csv"} and not (rig / "out").exists()
+
+
+def test_check_lists_all_problems(rig, capsys):
+    turned("t.csv")
+    (rig / "b.csv").write_text((rig / "b.csv").read_text().replace("u_x", "voltage"))
+    assert main(["check", "model.toml", "t.csv", "b.csv", "gone.csv", "--out", "out"]) == 2
+    out, err = capsys.readouterr()
+    assert out.startswith("3 PROBLEMS") and err.count("\n") == 1 and "t.csv, column u_x" in err
+    assert 'u_x = {column = "voltage", unit = "V"}' in out and "gone.csv: no such file" in out
+    assert {path.name for path in (rig / "out").iterdir()} == {"check.html", "check.png"}
+    assert main(["check", "t.csv", "--force"]) == 0
+
+
+def test_check_says_which_numbers_can_be_told(rig, capsys):
+    assert main(["check", "model.toml", "a.csv", "b.csv"]) == 0
+    out = capsys.readouterr().out
+    assert "Numbers that a fit would estimate" in out and "cart_gain" in out and "cart_mass" not in out
+    (rig / "still.csv").write_text("t,u_x,x\n" + "".join(f"{k / 100},0.0,{k % 3 / 1e4}\n" for k in range(100)))
+    assert main(["check", "model.toml", "still.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert "u_x never changes, so cart_gain cannot be estimated" in out and "u_x never changes" in err
+
+
 def test_holdout_may_come_first_or_twice(rig, calls):
     assert main(["diagnose", "--holdout", "c.csv", "--holdout", "d.csv", "--out", "out", "model.toml", "a.csv"]) == 0
     assert calls["diagnose"][1:] == (["a.csv"], ["c.csv", "d.csv"])
@@ -220,7 +275,7 @@ def test_the_cache_can_be_left_out(rig, calls, monkeypatch):
     assert asked == [True, False]
 
 
-@pytest.mark.parametrize("command", [[], ["simulate"], ["fit"], ["diagnose"]])
+@pytest.mark.parametrize("command", [[], ["check"], ["simulate"], ["fit"], ["diagnose"]])
 def test_help_has_an_example_and_loads_no_jax(command):
     code = (
         "import sys; from jbridge.cli import main\n"

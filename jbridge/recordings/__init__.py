@@ -5,7 +5,23 @@ or assumed about it stands in its notes.
 """
 
 from jbridge.recordings.csv_table import save_csv
-from jbridge.recordings.load import check_units, constant_inputs, load_recording, load_recordings
+from jbridge.recordings.load import (
+    Inspection,
+    check_units,
+    constant_inputs,
+    inspect_recordings,
+    load_recording,
+    load_recordings,
+)
 from jbridge.recordings.recording import Recording
 
-__all__ = ["Recording", "check_units", "constant_inputs", "load_recording", "load_recordings", "save_csv"]
+__all__ = [
+    "Inspection",
+    "Recording",
+    "check_units",
+    "constant_inputs",
+    "inspect_recordings",
+    "load_recording",
+    "load_recordings",
+    "save_csv",
+]

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from jbridge.errors import InputError
-from jbridge.recordings.load import make_reading
+from jbridge.recordings.load import ignore, make_reading, refuse
 from jbridge.recordings.recording import Recording
 from jbridge.recordings.sidecar import Sidecar, Where, parse_sidecar
 from jbridge.recordings.table import Table
 
 
 def recording_from(
-    name: str, columns: Mapping[str, Any], sidecar: Mapping[str, Any], inputs_only: bool = False
+    name: str, columns: Mapping[str, Any], sidecar: Mapping[str, Any], inputs_only: bool = False, force: bool = False
 ) -> Recording:
     """Returns the recording in columns of numbers.
 
@@ -23,6 +23,7 @@ def recording_from(
         columns: Arrays of shape `(time,)` by name, copied.
         sidecar: The tables of a sidecar.
         inputs_only: Whether measured channels may be absent.
+        force: Whether to take what is plainly in another unit, of another sign or called otherwise.
 
     Raises:
         InputError: As for a file; rows are counted from 0, like entries of arrays.
@@ -36,7 +37,7 @@ def recording_from(
     longest = max((values.size for values in usable.values()), default=0)
     table = Table(name, name, usable, np.arange(longest), unusable)
     declared = parse_sidecar(Where(f"{name}, sidecar"), plain(sidecar)) if sidecar else Sidecar()
-    return make_reading(Path(name), table, declared, inputs_only).recording
+    return make_reading(Path(name), table, declared, inputs_only, ignore if force else refuse).recording
 
 
 def columns_of(name: str, frame: Any) -> dict[str, Any]:

@@ -1,13 +1,13 @@
 """Turns the columns of a file into channels in SI units, of one length, finite and within bounds."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from jbridge.errors import InputError, listed
 from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
-from jbridge.recordings.columns import CHANNELS, Column
+from jbridge.recordings.columns import CHANNELS, Column, near_column
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.table import Table
@@ -31,11 +31,18 @@ class Channels:
     extras: dict[str, np.ndarray]
     """Columns that are no channel, as they are."""
     notes: tuple[str, ...]
+    near: dict[str, Column] = field(default_factory=dict)
+    """Columns that are probably meant for a channel that was not found, by their names."""
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
         name = self.columns[channel].name if channel in self.columns else channel
         return self.table.error(self.first + sample, name, problem)
+
+    @property
+    def sidecar(self) -> str:
+        """Name of the sidecar that may declare more about the file."""
+        return Path(self.table.path).with_suffix(".toml").name
 
     @property
     def units(self) -> dict[str, str]:
@@ -62,13 +69,18 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     left_out = {channel for channel in CHANNELS if declared.column(channel) is None}
     others = {name: values for name, values in table.columns.items() if name not in used | left_out}
     extras = {name: values for name, values in others.items() if values.size == times.size}
-    notes = []
+    notes = list(table.notes)
     if extras:
         notes.append(f"Columns that are no channel are kept but not used: {listed(extras)}.")
     if others.keys() - extras.keys():
         skipped = [name for name in others if name not in extras]
         notes.append(f"Vectors that differ from the time in length are left out: {listed(skipped)}.")
-    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes))
+    near = {
+        channel: column
+        for channel in CHANNELS
+        if channel not in columns and channel not in left_out and (column := near_column(channel, extras))
+    }
+    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near)
     check_finite(whole.error, "t", times)
     check_times(whole.error, times)
     channels = trim(path, whole, declared)
@@ -103,9 +115,11 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
             )
     if "t" not in columns:
         found = f"the columns are {listed(table.columns)}" if table.columns else "there are no columns of numbers"
+        meant = near_column("t", table.columns)
+        line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         raise InputError(
             f"{table.header}: no column t for the time; {found}; rename one, or map it in"
-            f' {path.with_suffix(".toml").name}: [columns] t = {{column = "...", unit = "s"}}'
+            f" {path.with_suffix('.toml').name}: [columns] {line}"
         )
     return columns
 

@@ -10,6 +10,8 @@ from jbridge.errors import InputError
 LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig is measured."""
 LEAST_SAMPLES = 50
+SLOWEST = 0.5
+"""Time between rows [s] that leaves less than three samples of a swing on a rope of 0.5 m."""
 GRAVITY = 9.81
 TOO_FAST = 2.0
 """Multiple of what gravity and the cart can give a load, above which its angle cannot be in radians."""
@@ -36,6 +38,8 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
         sample = int(bad.argmax())
         if name == "t":
             remedy = 'count time from the start of the run, or subtract it: t = {column = "...", offset = ...}'
+            if np.median(np.diff(values)) > SLOWEST:
+                remedy = 'declare its unit under [columns]: t = {column = "...", unit = "us"}, or "ms"'
         else:
             remedy = f'correct it, or declare its unit under [columns]: {name} = {{column = "...", unit = "..."}}'
         raise refuse(sample, name, f"{values[sample]:g} in SI units is beyond 1e6; {remedy}")
@@ -69,21 +73,18 @@ def check_length(refuse: Refuse, length: np.ndarray) -> None:
         )
 
 
-def check_angle_unit(
-    refuse: Refuse, times: np.ndarray, psi: np.ndarray, x: np.ndarray | None, length: np.ndarray
-) -> None:
-    """Raises an InputError if an angle that is said to be in radians is plainly in degrees.
+def excess_of_angle(times: np.ndarray, psi: np.ndarray, x: np.ndarray | None, length: np.ndarray) -> float:
+    """Returns how much faster an angle turns than gravity and the cart can make it; in radians it is at most 2.
 
     The size of an angle says little: a load that goes over the top turns through many radians. Its
     acceleration says more. Friction aside, a load on a rope has `l psi'' = -g sin(psi) - cos(psi) x''`, never
     more than `g + abs(x'')`, at whatever angle, after however many turns, and wherever the angle's zero is.
     Degrees read as radians exceed this, a swing of 10 degrees by a factor of 10. Second differences over an
-    eighth of the swing's period keep noise and counts out of the accelerations. The angle is refused if they
-    exceed the limit twofold for half of some swing, which leaves room for a length that is wrong by two and
+    eighth of the swing's period keep noise and counts out of the accelerations. The excess is the multiple of
+    the limit that they exceed for half of some swing. Twofold leaves room for a length that is wrong by two and
     lets a swing of less than 3 degrees pass.
 
     Args:
-        refuse: Makes the error.
         times: Times of the rows [s].
         psi: Swing angle, radians as declared.
         x: Cart position [m], if there is a cart.
@@ -92,7 +93,7 @@ def check_angle_unit(
     reach = 2 * np.pi * np.sqrt(np.median(length) / GRAVITY) / 8
     span = times[-1] - times[0]
     if span < 4 * reach or np.median(np.diff(times)) > reach / 2:
-        return
+        return 0.0
     moments = np.arange(times[0] + reach, times[-1] - reach, max(reach / 2, span / MOST_MOMENTS))
     swing = min(moments.size, max(1, round(8 * reach / (moments[1] - moments[0]))))
 
@@ -102,12 +103,4 @@ def check_angle_unit(
 
     needed = acceleration(psi) * np.interp(moments, times, length)
     limit = GRAVITY + (0.0 if x is None else acceleration(x))
-    excess = np.median(sliding_window_view(needed / limit, swing), axis=1).max()
-    if excess > TOO_FAST:
-        sample = int(np.abs(psi - np.median(psi)).argmax())
-        raise refuse(
-            sample,
-            "psi",
-            f"a swing as far as {psi[sample]:g} rad, {excess:.0f} times as fast as gravity and the cart can"
-            ' make it, is in degrees; declare psi = {column = "...", unit = "deg"} under [columns]',
-        )
+    return float(np.median(sliding_window_view(needed / limit, swing), axis=1).max())

@@ -1,6 +1,10 @@
 """How a column of a file becomes a channel in SI units: `channel = sign * (raw - offset)`."""
 
+import json
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from math import pi
 
 import numpy as np
@@ -15,6 +19,47 @@ BASE_UNITS = {"mV": "V", "mA": "A"}
 UNITS = {"t": TIMES, "u_x": INPUT_UNITS, "u_l": INPUT_UNITS, "x": LENGTHS, "psi": ANGLES, "l": LENGTHS}
 """Per channel: its units, each with its size in SI; the first is the one that an undeclared column has."""
 CHANNELS = tuple(UNITS)
+SPELLINGS = {
+    "seconds": "s", "sec": "s", "millis": "ms", "micros": "us", "volts": "V", "volt": "V", "v": "V", "a": "A",
+    "ma": "mA", "mv": "mV", "counts": "count", "metres": "m", "meters": "m", "degrees": "deg", "degree": "deg",
+    "°": "deg", "radians": "rad", "percent": "%", "pwm": "count",
+}  # fmt: skip
+"""Units as names of columns spell them."""
+NEAR = {
+    "t": ("t", "time", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros"),
+    "u_x": (
+        "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
+        "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts",
+    ),
+    "u_l": (
+        "ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "pwmhoist", "hoistpwm", "hoistmotor",
+    ),
+    "x": (
+        "x", "pos", "position", "cart", "cartpos", "cartposition", "xcart", "poscart", "xpos", "posx", "trolley",
+        "trolleypos", "trolleyposition", "xtrolley",
+    ),
+    "psi": (
+        "psi", "theta", "angle", "phi", "alpha", "swing", "swingangle", "pendulumangle", "pendulum", "winkel", "th",
+    ),
+    "l": ("l", "length", "rope", "ropelength", "cable", "cablelength", "len", "lrope", "hoistlength"),
+}  # fmt: skip
+"""What others call a channel, in small letters without anything in between."""
+OTHER = {
+    "ref",
+    "reference",
+    "set",
+    "setpoint",
+    "target",
+    "desired",
+    "des",
+    "dot",
+    "vel",
+    "velocity",
+    "rate",
+    "speed",
+    "acc",
+}
+"""Words that make of a channel's name the name of something else."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +85,14 @@ class Column:
         with np.errstate(over="ignore"):  # what overflows is found, and refused, as infinite
             return self.sign * size * (raw - self.offset)
 
+    def line(self, channel: str) -> str:
+        """Returns the line under `[columns]` of a sidecar that declares it for a channel."""
+        parts = [f"column = {json.dumps(self.name, ensure_ascii=False)}", f'unit = "{self.unit}"']
+        parts += ["sign = -1"] if self.sign < 0 else []
+        parts += [f"offset = {self.offset:.6g}"] if self.offset else []
+        parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
+        return f"{channel} = {{{', '.join(parts)}}}"
+
     @property
     def input_unit(self) -> str:
         """The unit that an input is kept in: gains, dead zones and reports carry it."""
@@ -49,3 +102,26 @@ class Column:
 def plain_column(channel: str) -> Column:
     """Returns the column that a channel has where no sidecar says otherwise: its own name, in SI units."""
     return Column(channel, next(iter(UNITS[channel])))
+
+
+def near_column(channel: str, names: Iterable[str]) -> Column | None:
+    """Returns a column that is probably meant for a channel by its name, with the unit that the name gives.
+
+    >>> near_column("psi", ["t", "x_ref", "Theta (deg)"])
+    Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None)
+    """
+    for name in names:
+        words = re.findall(r"[^\W\d_]+|%|°", name.replace("m/s", "velocity").lower())
+        if not words or not OTHER.isdisjoint(words):
+            continue
+        unit = SPELLINGS.get(words[-1], words[-1])
+        told = unit in UNITS[channel]
+        bare = words[:-1] if told and len(words) > 1 else words
+        if is_near("".join(bare), NEAR[channel]):
+            return Column(name, unit if told else plain_column(channel).unit)
+    return None
+
+
+def is_near(word: str, known: tuple[str, ...]) -> bool:
+    """Says whether a word is one of those known, slips of the keyboard aside in those of five letters and more."""
+    return word in known or bool(get_close_matches(word, [k for k in known if len(k) > 4], 1, 0.83))

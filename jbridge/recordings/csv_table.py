@@ -25,13 +25,17 @@ BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 def read_csv(path: Path, content: bytes) -> Table:
     """Returns the columns of a CSV file: one header row, then numbers only, with `,` between them.
 
-    A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted.
+    A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted; semicolons or tabs in place of the
+    commas, and decimal commas, are read and said.
 
     Raises:
         InputError: naming file, row and column.
     """
     lines = decode(path, content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if re.fullmatch(r'"?sep=[;,\t]"?', lines[0].strip(" ")):
+        lines[0] = ""  # a line that tells spreadsheets the separator
     filled = [number for number, line in enumerate(lines) if line.strip()]
+    notes = use_commas(path, lines, filled)
     header = read_header(path, lines, filled)
     if len(filled) == 1:
         raise InputError(f"{path}, row {filled[0] + 1}: only a header, no samples; record the run again")
@@ -41,7 +45,8 @@ def read_csv(path: Path, content: bytes) -> Table:
     if matrix is None:
         matrix = parse_carefully(path, header, body, rows)
     matrix = np.ascontiguousarray(matrix.T)
-    return Table(str(path), f"{path}, row {filled[0] + 1}", dict(zip(header, matrix, strict=True)), rows)
+    columns = dict(zip(header, matrix, strict=True))
+    return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, notes=notes)
 
 
 def decode(path: Path, content: bytes) -> str:
@@ -73,8 +78,17 @@ def decode(path: Path, content: bytes) -> str:
 def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     """Returns the names of the columns, or refuses what cannot be a header of a comma-separated table."""
     row, line = filled[0] + 1, lines[filled[0]]
-    refuse_other_separator(path, row, line, lines[filled[1]] if len(filled) > 1 else "")
     names = [name.strip() for name in split(path, row, line)]
+    if len(names) == 1 and len(names[0].split()) > 2 and is_number(lines[filled[-1]].split()[0]):
+        raise InputError(
+            f"{path}, row {row}: blanks between the columns; export with commas, or convert with"
+            f" sed 's/^ *//; s/  */,/g' {path.name} > converted.csv"
+        )
+    if len(names) == 1 and any("," in lines[number] for number in filled[1:100]):
+        raise InputError(
+            f"{path}, row {row}: {quoted(line)} is no row of column names; delete the rows above the header, and others"
+            " that hold text"
+        )
     if all(is_number(name) for name in names):
         raise InputError(
             f"{path}, row {row}: numbers where the names of the columns belong; put a row such as t,u_x,x,psi first"
@@ -90,20 +104,39 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     return names
 
 
-def refuse_other_separator(path: Path, row: int, header: str, first: str) -> None:
-    """Raises an InputError where semicolons or tabs separate the columns, with the command that converts."""
-    for letter, name in ((";", "semicolons"), ("\t", "tabs")):
-        if letter in header and "," not in header:
-            sign = letter if letter == ";" else r"\t"
-            if re.search(r"\d,\d", first):
-                raise InputError(
-                    f"{path}, row {row}: {name} between the columns and decimal commas in the numbers;"
-                    f" convert with sed 's/,/./g; s/{sign}/,/g' {path.name} > converted.csv"
-                )
-            raise InputError(
-                f"{path}, row {row}: {name} between the columns; convert with"
-                f" sed 's/{sign}/,/g' {path.name} > converted.csv"
-            )
+def use_commas(path: Path, lines: list[str], filled: list[int]) -> tuple[str, ...]:
+    """Rewrites a table with semicolons or tabs, or with decimal commas, as a plain one; returns sentences on that.
+
+    Decimal commas are taken for such only where no number has a point, since `1.234,5` leaves open what each means.
+
+    Raises:
+        InputError: points and commas are mixed.
+    """
+    if not filled:
+        return ()
+    header = lines[filled[0]]
+    separator = next((sign for sign in ";\t" if sign in header and "," not in header), ",")
+    body = [lines[number] for number in filled[1:]]
+    commas = [row for row in body if re.search(r"\d,\d" if separator != "," else r'"[-+]?\d+,\d+', row)]
+    if separator == "," and not commas:
+        return ()
+    if commas and any(re.search(r"\d\.\d", row) for row in body):
+        if separator == ",":
+            return ()  # the cell itself is refused
+        number = lines.index(commas[0])
+        raise InputError(
+            f"{path}, row {number + 1}: decimal commas among numbers with points; export with decimal points alone"
+        )
+    for number in filled:
+        line = lines[number]
+        if separator == ",":
+            line = re.sub(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"', r"\1.\2", line)
+        else:
+            line = (line.replace(",", ".") if number != filled[0] else line).replace(separator, ",")
+        lines[number] = line
+    names = {";": "semicolons", "\t": "tabs"}
+    notes = (f"The columns are separated by {names[separator]}.",) if separator != "," else ()
+    return (*notes, "The numbers have decimal commas.") if commas else notes
 
 
 def split(path: Path, row: int, line: str) -> list[str]:

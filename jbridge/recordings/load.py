@@ -1,7 +1,7 @@
 """Reads recordings: columns become channels in SI units, and everything that cannot be right is refused."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,18 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, read_channels
-from jbridge.recordings.checks import check_angle_unit
+from jbridge.recordings.columns import Column
 from jbridge.recordings.csv_table import read_csv
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.mat_table import read_mat
 from jbridge.recordings.parts import Parts, find_parts
+from jbridge.recordings.plausibility import (
+    doubtful_angle,
+    doubtful_names,
+    doubtful_signs,
+    doubtful_units,
+    signs_of,
+)
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -23,27 +30,34 @@ from jbridge.recordings.table import Table
 PathLike = str | os.PathLike[str]
 
 
-def load_recording(path: PathLike, *, inputs_only: bool = False, sidecar: PathLike | None = None) -> Recording:
+def load_recording(
+    path: PathLike, *, inputs_only: bool = False, sidecar: PathLike | None = None, force: bool = False
+) -> Recording:
     """Returns the recording in a CSV or .mat file, with what its sidecar declares.
 
     Args:
         path: The file; its sidecar is `NAME.toml` beside it, or a table in the folder's `recordings.toml`.
         inputs_only: Whether measured channels may be absent, as in the input of a simulation.
         sidecar: A sidecar elsewhere, of either form, for a recording in a folder that is not one's own.
+        force: Whether to take what is plainly in another unit, of another sign or called otherwise.
 
     Raises:
         InputError: on whatever cannot be a recording: one line with file, row, column and what to do.
     """
-    return read(path, inputs_only, sidecar).recording
+    return read(path, inputs_only, sidecar, ignore if force else refuse).recording
 
 
 def load_recordings(
-    paths: Sequence[PathLike], *, inputs_only: bool = False, sidecar: PathLike | None = None
+    paths: Sequence[PathLike],
+    *,
+    inputs_only: bool = False,
+    sidecar: PathLike | None = None,
+    force: bool = False,
 ) -> tuple[Recording, ...]:
     """Returns several recordings of one rig, checked against each other.
 
     A channel at rest does not show whether its sensor is slower than the log. Where the other recordings
-    agree that it is, it is taken to be so here, too.
+    agree that it is, it is taken to be so here, too. The arguments are those of `load_recording`.
 
     Raises:
         InputError: as `load_recording`; also for a file named twice, and for an input in two units.
@@ -54,7 +68,7 @@ def load_recordings(
         if resolved in seen:
             raise InputError(f"{path}: the recording is named twice; name it once")
         seen.add(resolved)
-    readings = [read(path, inputs_only, sidecar) for path in paths]
+    readings = [read(path, inputs_only, sidecar, ignore if force else refuse) for path in paths]
     check_units(paths, [reading.recording for reading in readings])
     return tuple(share_holds(reading, readings) for reading in readings)
 
@@ -86,30 +100,83 @@ def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
 
 
 @dataclass(frozen=True)
+class Inspection:
+    """What a file was read as, and everything that is wrong with it."""
+
+    path: str
+    """The file, as the caller named it."""
+    recording: Recording | None
+    """None where nothing could be read."""
+    columns: Mapping[str, Column]
+    """The column of each channel, with unit and sign."""
+    signs: Mapping[str, bool | None]
+    """By `psi`, `u_x`, `u_l`: whether the sign fits the laws of motion; None where the recording does not tell."""
+    problems: tuple[str, ...]
+    """Each a line with what mends it; the first one is what other commands refuse the file with."""
+
+
+def inspect_recordings(paths: Sequence[PathLike], *, sidecar: PathLike | None = None) -> tuple[Inspection, ...]:
+    """Returns what each file is read as, with all that is doubtful about it, and refuses nothing.
+
+    What several recordings contradict each other in is the problem of the last one.
+    """
+    found = []
+    for path in paths:
+        problems: list[InputError] = []
+        reading = None
+        try:
+            reading = read(path, False, sidecar, problems.append)
+        except InputError as error:
+            problems.append(error)
+        recording, columns = (None, {}) if reading is None else (reading.recording, reading.columns)
+        signs = {} if recording is None or problems else signs_of(recording)
+        found.append(Inspection(str(path), recording, columns, signs, tuple(map(str, problems))))
+    try:
+        load_recordings([each.path for each in found if each.recording is not None], sidecar=sidecar, force=True)
+    except InputError as error:
+        found[-1] = replace(found[-1], problems=(*found[-1].problems, str(error)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
 class Reading:
     """A recording, and what it shows about the rate of each of its sensors."""
 
     recording: Recording
     holds: dict[str, Hold]
+    columns: dict[str, Column]
+    """The column that each channel was read from."""
 
 
-def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None) -> Reading:
+def refuse(doubt: InputError) -> None:
+    """Refuses a recording at the first doubt."""
+    raise doubt
+
+
+def ignore(doubt: InputError) -> None:
+    """Takes a recording whatever is doubtful about it."""
+
+
+def read(path: PathLike, inputs_only: bool, sidecar: PathLike | None, tell: Callable[[InputError], None]) -> Reading:
+    """Returns a recording; `tell` receives what is implausible about it, and may raise that."""
     path = Path(path)
     table = read_table(path)
-    return make_reading(path, table, find_sidecar(path, None if sidecar is None else Path(sidecar)), inputs_only)
+    declared = find_sidecar(path, None if sidecar is None else Path(sidecar))
+    return make_reading(path, table, declared, inputs_only, tell)
 
 
-def make_reading(path: Path, table: Table, declared: Sidecar, inputs_only: bool) -> Reading:
+def make_reading(
+    path: Path, table: Table, declared: Sidecar, inputs_only: bool, tell: Callable[[InputError], None]
+) -> Reading:
     """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
     channels = read_channels(path, table, declared)
+    for doubt in doubtful_names(channels, declared.locked is not None):
+        tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values
-    if "psi" in values:
-        length = values.get("l", parts.locked_length)
-        if length is not None:
-            check_angle_unit(
-                channels.error, times, values["psi"], values.get("x"), np.broadcast_to(length, times.shape)
-            )
+    of_units = [*doubtful_units(channels), *doubtful_angle(channels, parts.locked_length)]
+    for doubt in of_units:
+        tell(doubt)
     measured = {name: values[name] for name in MEASURED if name in values}
     resolution = {
         name: declared.resolution[name] if name in declared.resolution else estimate_resolution(samples)
@@ -121,6 +188,11 @@ def make_reading(path: Path, table: Table, declared: Sidecar, inputs_only: bool)
         else detect_hold(times, samples, resolution[name])
         for name, samples in measured.items()
     }
+    fresh = {name: fresh_rows(times, measured[name], hold) for name, hold in holds.items()}
+    if not of_units:
+        samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
+        for doubt in doubtful_signs(channels, samples, parts.locked_length):
+            tell(doubt)
     arrays: dict[str, Any] = {
         name: read_only(values[name]) if name in values and name not in parts.unused else None
         for name in (*INPUTS, *MEASURED)
@@ -129,7 +201,7 @@ def make_reading(path: Path, table: Table, declared: Sidecar, inputs_only: bool)
     recording = Recording(
         name=path.name,
         times=read_only(times),
-        fresh={name: read_only(fresh_rows(times, measured[name], hold)) for name, hold in holds.items()},
+        fresh={name: read_only(rows) for name, rows in fresh.items()},
         resolution=resolution,
         units={name: unit for name, unit in channels.units.items() if name not in parts.unused},
         locked_length=parts.locked_length,
@@ -145,7 +217,7 @@ def make_reading(path: Path, table: Table, declared: Sidecar, inputs_only: bool)
         else None,
         **arrays,
     )
-    return Reading(recording, holds)
+    return Reading(recording, holds, channels.columns)
 
 
 def read_table(path: Path) -> Table:

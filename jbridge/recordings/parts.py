@@ -7,6 +7,7 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels
+from jbridge.recordings.columns import Column, plain_column
 from jbridge.recordings.sidecar import Sidecar
 
 MOST_MOTION = 0.02
@@ -43,7 +44,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
     if "x" in values and "u_x" not in values:
         raise InputError(
             f"{header}: a column x but no u_x; add the input of the cart's drive (zeros if the motor was off)"
-            f', or map it in {sidecar_name}: [columns] u_x = {{column = "...", unit = "V"}}'
+            f", or map it in {sidecar_name}: [columns] {line_for('u_x', channels)}"
         )
     if not inputs_only:
         require_measurement(header, values)
@@ -60,13 +61,20 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
         notes.append("The rope is declared locked, so u_l, which never changes, is not used.")
     elif "u_l" in values and "l" not in values and not inputs_only:
         raise InputError(
-            f"{header}: a column u_l but no l; add the rope length, or, if the rope was locked, leave the"
-            f" input out in {sidecar_name}: [columns] u_l = false and [locked] l = 0.7 (its length)"
+            f"{header}: a column u_l but no l; add the rope length, or map it in {sidecar_name}: [columns]"
+            f" {line_for('l', channels)}; if the rope was locked, leave the input out: [columns] u_l = false and"
+            " [locked] l = 0.7 (its length)"
         )
     if "u_l" in values and "u_l" not in unused:
         return Parts(None, frozenset(unused), tuple(notes))
     length, how = locked_length(path, channels, declared, inputs_only)
     return Parts(length, frozenset(unused), (*notes, how) if how else tuple(notes))
+
+
+def line_for(channel: str, channels: Channels) -> str:
+    """Returns the line that maps a missing channel, to the column that is nearly called so if there is one."""
+    column = channels.near.get(channel, Column("...", plain_column(channel).unit))
+    return column.line(channel)
 
 
 def require_measurement(header: str, values: dict[str, np.ndarray]) -> None:
@@ -86,8 +94,8 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
             int(np.abs(length - middle).argmax()),
             "l",
             f"without u_l the rope is locked, but its length varies by {np.ptp(length) * 1000:.0f} mm, over"
-            f" {MOST_MOTION * 1000:.0f}; map the hoist's input to u_l, or leave the length out in"
-            f" {path.with_suffix('.toml').name}: [columns] l = false and [locked] l = 0.7 (its length)",
+            f" {MOST_MOTION * 1000:.0f}; map the hoist's input in {path.with_suffix('.toml').name}: [columns]"
+            f" {line_for('u_l', channels)}, or leave the length out: l = false and [locked] l = 0.7 (its length)",
         )
     load = "psi" in values or length is not None
     if not load and not inputs_only:

@@ -78,6 +78,7 @@ class Recording:
         name: str = "recording",
         sidecar: Mapping[str, Any] | None = None,
         inputs_only: bool = False,
+        force: bool = False,
     ) -> "Recording":
         """Returns the recording in arrays of shape `(time,)`, checked and converted like the columns of a file.
 
@@ -93,6 +94,7 @@ class Recording:
             sidecar: The tables of a sidecar, such as `{"locked": {"l": 0.7}, "columns": {"u_x": {"unit": "A"}}}`:
                 units, signs and offsets, `hold`, `resolution`, `override`, `trim`, `initial` and `locked`.
             inputs_only: Whether measured channels may be absent, as in the input of a simulation.
+            force: Whether to take what is plainly in another unit, of another sign or called otherwise.
 
         Raises:
             InputError: As for a file: one line with name, row (its index in the arrays), column and what to do.
@@ -101,7 +103,7 @@ class Recording:
 
         given = {"t": t, "u_x": u_x, "u_l": u_l, "x": x, "psi": psi, "l": l}
         columns = {channel: values for channel, values in given.items() if values is not None}
-        return recording_from(name, columns, sidecar or {}, inputs_only)
+        return recording_from(name, columns, sidecar or {}, inputs_only, force)
 
     @classmethod
     def from_dataframe(
@@ -112,6 +114,7 @@ class Recording:
         name: str = "recording",
         sidecar: Mapping[str, Any] | None = None,
         inputs_only: bool = False,
+        force: bool = False,
     ) -> "Recording":
         """Returns the recording in a data frame (pandas, polars, or a mapping of arrays), checked like a file.
 
@@ -120,7 +123,7 @@ class Recording:
             columns: The column of each channel, as under `[columns]` in a sidecar: its name, or a mapping such as
                 `{"column": "theta", "unit": "deg", "sign": -1, "offset": 180}`. A channel that is not named has the
                 column of its own name, in SI units.
-            name, sidecar, inputs_only: As in `from_arrays`.
+            name, sidecar, inputs_only, force: As in `from_arrays`.
 
         Raises:
             InputError: As for a file: one line with name, row (its position in the frame), column and what to do.
@@ -130,7 +133,7 @@ class Recording:
         declared = dict(sidecar or {})
         if columns:
             declared["columns"] = {**declared.get("columns", {}), **columns}
-        return recording_from(name, columns_of(name, frame), declared, inputs_only)
+        return recording_from(name, columns_of(name, frame), declared, inputs_only, force)
 
     @property
     def start(self) -> float:
@@ -146,6 +149,11 @@ class Recording:
     def period(self) -> float:
         """Median time from one row to the next [s]."""
         return float(np.median(np.diff(self.times)))
+
+    def samples(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
+        """Returns times [s] and values of the fresh samples of a measured channel."""
+        fresh = self.fresh[channel]
+        return self.times[fresh], getattr(self, channel)[fresh]
 
     @property
     def commands(self) -> Commands:

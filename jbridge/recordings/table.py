@@ -21,6 +21,8 @@ class Table:
     """Each sample's line in the file, the header being 1, or its number in the vectors of a .mat."""
     unusable: dict[str, str] = field(default_factory=dict)
     """Names in the file that are not columns of numbers, and what they are instead."""
+    notes: tuple[str, ...] = ()
+    """What was assumed about how the file writes numbers, each one sentence."""
 
     def error(self, sample: int, column: str, problem: str) -> InputError:
         """Returns the refusal of one number: file, row and column, what is wrong and what to do."""

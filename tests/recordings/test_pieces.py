@@ -81,7 +81,7 @@ def test_time_goes_on_in_a_piece():
 def test_trimmed_rows_still_drive(tmp_path):
     """Back to the last row with no number, or with one that no drive is given."""
     rows = [
-        f"{0.01 * i:.2f},{'nan' if i == 3 else 9e37 if i == 4 else 0.1 * i},0.0,{0.001 * i * i}" for i in range(200)
+        f"{0.01 * i:.2f},{'nan' if i == 3 else 9e37 if i == 4 else 0.1 * i},0.0,{0.0001 * i * i}" for i in range(200)
     ]
     (tmp_path / "run.csv").write_text("t,u_x,u_l,x\n" + "\n".join(rows) + "\n")
     (tmp_path / "run.toml").write_text("[trim]\nstart = 0.095\n[columns]\nu_l = false\n")

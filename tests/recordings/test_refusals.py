@@ -42,21 +42,9 @@ REFUSED = {
         lambda lines: "\n".join([*lines[:30], lines[30] + "°", *lines[31:]]).encode("latin-1"),
         ["row 31", "0xb0", "UTF-8"],
     ),
-    "semicolons": (
-        lambda lines: "\n".join(lines).replace(",", ";"),
-        ["row 1", "semicolons", "sed 's/;/,/g' run.csv > converted.csv"],
-    ),
-    "tabs": (
-        lambda lines: "\n".join(lines).replace(",", "\t"),
-        ["row 1", "tabs", r"sed 's/\t/,/g' run.csv > converted.csv"],
-    ),
-    "semicolons and decimal commas": (
-        lambda lines: german(lines, ";"),
-        ["row 1", "decimal commas", "sed 's/,/./g; s/;/,/g' run.csv > converted.csv"],
-    ),
-    "tabs and decimal commas": (
-        lambda lines: german(lines, "\t"),
-        ["row 1", "decimal commas", r"sed 's/,/./g; s/\t/,/g' run.csv > converted.csv"],
+    "points and decimal commas": (
+        lambda lines: german(lines, ";").replace("0,005", "0.005"),
+        ["row 2", "decimal commas among numbers with points", "decimal points alone"],
     ),
     "decimal commas without quotes": (
         lambda lines: "\n".join([lines[0], *(line.replace(".", ",") for line in lines[1:])]),

@@ -14,7 +14,7 @@ def test_round_trip(tmp_path, columns):
     columns["x"] = random.normal(size=400) * 10.0 ** random.integers(-12, 3, 400)
     columns["t"] = columns["t"] + random.uniform(0, 1e-9, 400)
     save_csv(tmp_path / "out.csv", {**columns, "x_ref": columns["x"]})
-    recording = load_recording(tmp_path / "out.csv")
+    recording = load_recording(tmp_path / "out.csv", force=True)  # no cart goes that far
     np.testing.assert_array_equal(recording.times, columns["t"])
     np.testing.assert_array_equal(recording.x, columns["x"])
     np.testing.assert_array_equal(recording.extras["x_ref"], columns["x"])

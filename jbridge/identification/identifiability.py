@@ -1,0 +1,67 @@
+"""Which numbers of a model recordings can tell, before anything is fitted."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .._threads import one_thread_each
+from ..model.files import Model
+from ..model.parameters import ParameterTable
+from ..recordings import Recording
+from .data.windows import HORIZONS, WHOLE, make_data
+from .estimation import engine_for, make_problem, start_of
+from .problem import make_setting, resolve, with_a_scale
+from .result import Estimate
+from .uncertainty import covariance, estimates, warnings
+
+
+@dataclasses.dataclass(frozen=True)
+class Identifiability:
+    """How well recordings would determine a model's unknown numbers, were they those that it starts from."""
+
+    parameters: Mapping[str, Estimate]
+    """Every number of the model with the 95 % interval that a fit could give at best; none where it is known, or where
+    nothing that was recorded depends on it."""
+    estimated: tuple[str, ...]
+    """Names of those that a fit would estimate."""
+    warnings: tuple[str, ...]
+    """What the recordings do not determine, in sentences."""
+    notes: tuple[str, ...]
+    noise: Mapping[str, float]
+    """Standard deviation of each channel's noise [m, rad, m]."""
+
+
+@one_thread_each
+def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiability:
+    """Returns the standard deviations that the Gauss-Newton matrix promises at the model's own numbers.
+
+    The matrix `J' W J` is that of a fit to windows of up to 3 s, with initial states eliminated and weights `W` of the
+    sensors' noise, taken as white. This is the Cramer-Rao bound of a model that is right (Ljung, System
+    Identification, 1999, section 7.4): what a model leaves unexplained makes a fit less certain than that.
+
+    Args:
+        model: its numbers are where the matrix is taken.
+        recordings: measured runs.
+
+    Raises:
+        InputError: model and recordings do not go together.
+    """
+    setting = make_setting(model, recordings, ())
+    model, told = with_a_scale(model, setting.axes)
+    setting = setting.thinned()
+    plant = resolve(model.plant, setting.length)
+    horizons = tuple(horizon for horizon in HORIZONS if horizon < WHOLE)
+    problem = make_problem(setting, make_data(setting.recordings, horizons))
+    engine = engine_for(setting, problem.data, plant)
+    start = start_of(problem, engine, plant, model.known)
+    key = np.random.default_rng(0)
+    white = [key.standard_normal(left.shape) for left in problem.residuals(engine, start)]
+    [point] = problem.evaluate(engine, [start])
+    point = dataclasses.replace(point, square=np.ones_like(point.square))
+    cov = covariance(problem.judged_by(white), engine, point)
+    table = ParameterTable(plant, setting.units)
+    found = estimates(table, point.vector, point.free, cov, setting.period)
+    names = dict.fromkeys(table.entry(int(place)).group for place in point.free)
+    loose = warnings(table, point.vector, point.free, np.asarray(cov))
+    return Identifiability(found, tuple(names), tuple(loose), () if told is None else (told,), setting.noise)

@@ -1,0 +1,142 @@
+"""What recordings were read as, what is wrong with them, and which numbers they can tell: before anything is fitted."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..identification.data.noise import noise_floor
+from ..identification.identifiability import Identifiability
+from ..recordings import Inspection, Recording
+from .figures.recordings import draw_recordings
+from .files import PathLike, make_folder, write_bytes, write_text
+from .html import element, page, section, show_all, tag
+from .quantities import digits, join_unit, percent, scale_for
+from .rows import error_text
+from .words import CHANNELS
+
+_WIDTH = 88
+_INPUTS = {"u_x": "input of the cart", "u_l": "input of the hoist"}
+_SIGNS = {
+    True: "fits the laws of motion",
+    False: "contradicts the laws of motion",
+    None: "cannot be told from this recording",
+}
+_LOOSE = 0.5
+"""Relative standard deviation above which a fit says that recordings hardly determine a number."""
+
+
+def describe_check(inspections: Sequence[Inspection], found: Identifiability | None, model_problem: str = "") -> str:
+    """Every problem first, then what each file was read as, then which numbers the recordings can tell.
+
+    Args:
+        inspections: of the files.
+        found: what a fit could tell, if there was a model.
+        model_problem: why model and recordings do not go together, if so.
+    """
+    problems = [problem for each in inspections for problem in each.problems] + (
+        [model_problem] if model_problem else []
+    )
+    if problems:
+        # A line that mends something is to be copied, so that it is not broken.
+        lines = [f"{len(problems)} PROBLEM{'S' if len(problems) > 1 else ''}", *(f"- {text}" for text in problems)]
+    else:
+        lines = ["NOTHING IS PLAINLY WRONG WITH THE RECORDINGS"]
+    for each in inspections:
+        if each.recording is not None:
+            lines += ["", *_recording(each, each.recording)]
+    if found is not None:
+        lines += ["", *_numbers(found)]
+    return "\n".join(lines) + "\n"
+
+
+def save_check(folder: PathLike, inspections: Sequence[Inspection], text: str) -> Path:
+    """Writes check.png (and check-2.png, ... for many recordings) and check.html; each file is replaced at once.
+
+    Args:
+        folder: where to.
+        inspections: of the files.
+        text: what `describe_check` said.
+
+    Returns:
+        The path of check.html.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    target = Path(folder)
+    make_folder(target)
+    pictures = draw_recordings("check", [each.recording for each in inspections if each.recording is not None])
+    for picture in pictures:
+        write_bytes(target / f"{picture.name}.png", picture.png)
+    body = [
+        element("header", tag("p", "Recordings before a fit", "verdict") + tag("h1", text.partition("\n")[0])),
+        section("What was read", tag("pre", text)),
+        section("Signals", show_all(pictures)),
+    ]
+    write_text(target / "check.html", page("Checked recordings - jbridge", body))
+    return target / "check.html"
+
+
+def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
+    steps = np.diff(recording.times)
+    rate = f"a row every {1e3 * recording.period:.4g} ms"
+    if steps.max() > 1.01 * steps.min():
+        rate += f" (from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms)"
+    gaps = int(np.count_nonzero(steps > 3 * recording.period))
+    yield f"{recording.name}: {len(recording.times)} rows, {recording.duration:.4g} s, {rate}, {_count(gaps, 'gap')}"
+    noise = noise_floor([recording])
+    for channel, column in inspection.columns.items():
+        values = getattr(recording, channel, None)
+        if values is None:
+            continue
+        sign = ", sign -1" if column.sign < 0 else ""
+        read = f"{channel:4} from {column.name} [{column.unit}{sign}]"
+        unit = recording.units.get(channel) or ("rad" if channel == "psi" else "m")
+        scale = scale_for(unit, []) if channel == "psi" else None
+        factor, shown = (scale.factor, scale.unit) if scale else (1.0, unit)
+        low, high = (digits(float(factor * edge), 4) for edge in (np.min(values), np.max(values)))
+        parts = [f"{low} to {join_unit(high, shown)}"]
+        if channel in noise:
+            parts.append(f"noise {error_text(channel, noise[channel])}")
+            size = recording.resolution.get(channel, 0.0)
+            parts.append(f"count {error_text(channel, size)}" if size > 0 else "no count to be seen")
+            fresh = np.count_nonzero(recording.fresh[channel]) / len(recording.times)
+            if fresh < 0.99:
+                parts.append(f"new in {percent(float(fresh))} of the rows")
+        if np.ptp(values) == 0:
+            parts.append("never changes")
+        yield f"  {read}: {'; '.join(parts)}"
+    if recording.locked_length is not None:
+        yield f"  rope locked at {recording.locked_length:.4g} m"
+    for name, right in inspection.signs.items():
+        yield f"  sign of {(CHANNELS | _INPUTS)[name].removesuffix(' ' + name)} {name}: {_SIGNS[right]}"
+    for note in recording.notes:
+        yield from textwrap.wrap(note, _WIDTH, initial_indent="  - ", subsequent_indent="    ")
+
+
+def _numbers(found: Identifiability) -> Iterator[str]:
+    yield "Numbers that a fit would estimate, and how well these recordings can tell each at best"
+    width = max(map(len, found.estimated), default=0)
+    for name in found.estimated:
+        estimate = found.parameters[name]
+        value, std = estimate.value, estimate.std
+        if isinstance(value, list) or isinstance(std, list):
+            yield f"  {name:{width}} a table of {len(value) if isinstance(value, list) else 1}"
+            continue
+        start = join_unit(digits(value), estimate.unit)
+        if std is None:
+            verdict = "not at all"
+        elif not value:
+            verdict = f"to {join_unit(digits(std, 2), estimate.unit)}"
+        else:
+            share = abs(std / value)
+            verdict = f"to {digits(100 * share, 2)} %" if share < _LOOSE else f"hardly, to {100 * share:.0f} %"
+        yield f"  {name:{width}} {start:>16}  {verdict}"
+    for text in (*found.warnings, *found.notes):
+        yield from textwrap.wrap(text, _WIDTH, initial_indent="  - ", subsequent_indent="    ")
+
+
+def _count(number: int, what: str) -> str:
+    return f"no {what}" if number == 0 else f"{number} {what}{'s' if number > 1 else ''}"

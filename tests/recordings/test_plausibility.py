@@ -1,0 +1,85 @@
+"""Signs are doubted only where they are certainly wrong: worlds of all sorts, and rigs of other people."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.real_rigs import run
+from jbridge.recordings.plausibility import is_swapped, misread_swing, runs_backwards
+
+ROOT = Path(__file__).parents[2]
+SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))
+PERIOD, STEPS, ROWS, WORLDS = 0.01, 5, 1200, 60
+MODES = {
+    "steps": lambda w: w["level"],
+    "a position loop": lambda w: w["gain"] * (w["place"] - w["x"] - 0.2 * w["v"]),
+    "a motor that is off": lambda w: 0.0 * w["x"],
+    "a fixed cart": lambda w: w["level"],
+    "a sine": lambda w: 3.0 * np.sin(w["pace"] * w["t"]),
+    "a swing damper": lambda w: 0.3 * w["gain"] * (w["place"] - w["x"] - 0.6 * w["v"]) + 5.0 * w["psi"],
+    "a speed loop": lambda w: w["gain"] * (w["place"] - w["v"]),
+}
+
+
+def worlds(mode: str) -> dict[str, np.ndarray]:
+    """Returns carts with loads of all sizes, frictions and delays below one kind of input, side by side."""
+    key = np.random.default_rng(sorted(MODES).index(mode))
+    draw = lambda low, high: np.exp(key.uniform(np.log(low), np.log(high), WORLDS))  # noqa: E731
+    mass, length, gain = draw(0.3, 8.0), draw(0.2, 1.5), draw(2.0, 150.0)
+    load, damping, force = mass * draw(0.01, 2.0), mass * draw(0.02, 20.0), mass * draw(0.3, 10.0)
+    dry, pace, hold = mass * key.uniform(0.0, 0.5, WORLDS), draw(0.5, 8.0), draw(0.2, 2.5)
+    late = key.integers(0, 16, WORLDS)
+    noise_x, noise_psi = draw(1e-5, 5e-3), draw(1e-4, 2e-2)
+    x, v, rate, psi = np.zeros(WORLDS), np.zeros(WORLDS), np.zeros(WORLDS), key.uniform(-0.8, 0.8, WORLDS)
+    u = np.zeros((ROWS, WORLDS))
+    seen = {"x": np.zeros_like(u), "psi": np.zeros_like(u)}
+    level = place = np.zeros(WORLDS)
+    for row in range(ROWS):
+        t = row * PERIOD
+        new = np.floor(t / hold) != np.floor((t - PERIOD) / hold)
+        level = np.where(new, key.uniform(-3.0, 3.0, WORLDS), level)
+        place = np.where(new, key.uniform(-0.4, 0.4, WORLDS), place)
+        seen["x"][row] = x + noise_x * key.standard_normal(WORLDS)
+        seen["psi"][row] = psi + noise_psi * key.standard_normal(WORLDS)
+        now = {"t": t, "x": x, "v": v, "psi": psi, "level": level, "place": place, "gain": gain, "pace": pace}
+        u[row] = np.clip(MODES[mode](now), -10.0, 10.0)
+        felt = u[np.maximum(row - late, 0), np.arange(WORLDS)]
+        for _ in range(STEPS):
+            h = PERIOD / STEPS
+            swing = load * np.sin(psi) * (9.81 * np.cos(psi) + length * rate**2)
+            push = force * felt - damping * v + swing - dry * np.clip(v / 1e-3, -1.0, 1.0)
+            a = 0.0 * v if mode == "a fixed cart" else push / (mass + load * np.sin(psi) ** 2)
+            v, rate = v + h * a, rate - h * ((9.81 * np.sin(psi) + a * np.cos(psi)) / length + 0.05 * rate)
+            x, psi = x + h * v, psi + h * rate
+    # Lengths of ropes are known to a factor, not to a percent.
+    return {"t": np.arange(ROWS) * PERIOD, "u": u, "l": length * draw(0.6, 1.6), **seen}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
+    seen = worlds(mode)
+    t, found = seen["t"], np.zeros(2)
+    for k in range(WORLDS):
+        x, psi, u = (t, seen["x"][:, k]), (t, seen["psi"][:, k]), seen["u"][:, k]
+        rope = t[[0, -1]], np.full(2, seen["l"][k])
+        assert misread_swing(t, psi, x, rope) is None
+        assert not is_swapped(t, psi, x, rope)
+        for load in (psi, None):
+            assert not runs_backwards(t, u, x, load)
+        turned = misread_swing(t, (t, -psi[1]), x, rope)
+        found += [turned is not None and turned.turned, runs_backwards(t, -u, x, psi)]
+    if mode == "steps":
+        assert found.min() > 0.5 * WORLDS
+    if mode == "a fixed cart":
+        assert found.max() == 0
+
+
+@pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason=f"the recordings are not at {SHARED}")
+def test_no_real_rig_is_doubted(monkeypatch):
+    """With the sidecars that its owner's documents tell; reading raises otherwise."""
+    monkeypatch.setattr(run, "SHARED", SHARED)
+    for rig in run.rigs().values():
+        for piece in (*rig["train"], *rig.get("holdout", ())):
+            run.load(rig, piece)

@@ -1,0 +1,229 @@
+"""What goes wrong between a rig and a file: each slip is refused with the line that mends it, or read right."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jbridge.errors import InputError
+from jbridge.recordings import inspect_recordings, load_recording
+
+ROOT = Path(__file__).parents[2]
+RECORDED = ROOT / "experiments" / "demo_data" / "train-1.csv"
+Columns = dict[str, np.ndarray]
+MENDS = re.compile(r"(?:declare|map [a-z' ]+ in run\.toml: \[columns\]) ([a-z_]+ = \{.*?\})")
+
+
+def truth() -> Columns:
+    """Returns 14 s of a whole bridge, simulated by another engine, at 100 rows a second."""
+    names, *rows = RECORDED.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows[::2]], float).T
+    return dict(zip(names.split(","), values, strict=True))
+
+
+TRUTH = truth()
+
+
+def table(columns: Columns, separator: str = ",", comma: bool = False) -> str:
+    """Returns the text of a file, as a logger or a spreadsheet writes it."""
+    rows = (separator.join(map(repr, row)) for row in zip(*(c.tolist() for c in columns.values()), strict=True))
+    body = "\n".join(rows)
+    return separator.join(columns) + "\n" + (body.replace(".", ",") if comma else body) + "\n"
+
+
+def scaled(**factors: float) -> Columns:
+    return {name: values * factors.get(name, 1.0) for name, values in TRUTH.items()}
+
+
+def renamed(**names: str) -> Columns:
+    return {names.get(name, name): values for name, values in TRUTH.items()}
+
+
+def only(names: str, columns: Columns | None = None) -> Columns:
+    return {name: (columns or TRUTH)[name] for name in names.split()}
+
+
+MENDED = {
+    "x in mm": scaled(x=1e3),
+    "x in cm": scaled(x=1e2),
+    "x in mm from the middle": scaled(x=1e3) | {"x": np.round(1e3 * (TRUTH["x"] - TRUTH["x"].mean()))},
+    "x in um": scaled() | {"x": 1e6 * (TRUTH["x"] - 0.7)},
+    "l in mm": scaled(l=1e3),
+    "l in cm": scaled(l=1e2),
+    "x and l in mm": scaled(x=1e3, l=1e3),
+    "x and l in cm": scaled(x=1e2, l=1e2),
+    "t in ms": scaled(t=1e3),
+    "t in us": scaled(t=1e6) | {"t": 1e6 * TRUTH["t"] / 100, "x": TRUTH["x"]},
+    "t in ms, rows of 40 ms": {name: values[::4] for name, values in scaled(t=1e3).items()},
+    "psi in degrees": scaled(psi=180 / np.pi),
+    "psi in milliradians": scaled(psi=1e3),
+    "psi turned": scaled(psi=-1.0),
+    "u_x turned": scaled(u_x=-1.0),
+    "u_l turned": scaled(u_l=-1.0),
+    "x turned": scaled(x=-1.0),
+    "x turned about the rail's end": scaled() | {"x": 1.5 - TRUTH["x"]},
+    "both inputs turned": scaled(u_x=-1.0, u_l=-1.0),
+    "psi and u_x turned": scaled(psi=-1.0, u_x=-1.0),
+    "psi in degrees and turned": scaled(psi=-180 / np.pi),
+    "x in mm and turned": scaled(x=-1e3),
+    "everything scaled": scaled(t=1e3, x=1e3, l=1e2, psi=180 / np.pi),
+    "time": renamed(t="time"),
+    "Time [ms]": {("Time [ms]" if n == "t" else n): v for n, v in scaled(t=1e3).items()},
+    "theta": renamed(psi="theta"),
+    "Angle (deg)": {("Angle (deg)" if n == "psi" else n): v for n, v in scaled(psi=180 / np.pi).items()},
+    "phi": renamed(psi="phi"),
+    "Psi": renamed(psi="Psi"),
+    "swing_angle": renamed(psi="swing_angle"),
+    "pos": renamed(x="pos"),
+    "cart_position_mm": {("cart_position_mm" if n == "x" else n): v for n, v in scaled(x=1e3).items()},
+    "X": renamed(x="X"),
+    "voltage": renamed(u_x="voltage"),
+    "rope_length": renamed(l="rope_length"),
+    "lenght": renamed(l="lenght"),
+    "U_L": renamed(u_l="U_L"),
+    "every name a capital": {name.upper(): values for name, values in TRUTH.items()},
+    "every name in words": renamed(t="Time", x="Position", psi="Angle", l="Length", u_x="Voltage", u_l="hoist voltage"),
+}
+"""Tables that a few declarations make right."""
+
+
+@pytest.mark.parametrize("columns", MENDED.values(), ids=MENDED)
+def test_the_line_in_the_refusal_mends_it(tmp_path, columns):
+    """As an owner does: copy the line, try again, until nothing is said any more. Then all is as in the truth."""
+    path, sidecar = tmp_path / "run.csv", {}
+    path.write_text(table(columns), encoding="utf-8")
+    for _ in range(8):
+        try:
+            recording = load_recording(path)
+            break
+        except InputError as error:
+            message = str(error)
+            line = MENDS.search(message)
+            assert line, message
+            assert message.isprintable() and "run.csv" in message
+            channel = line[1].partition(" ")[0]
+            assert sidecar.get(channel) != line[1], message
+            sidecar[channel] = line[1]
+            (tmp_path / "run.toml").write_text("[columns]\n" + "\n".join(sidecar.values()) + "\n", encoding="utf-8")
+    else:
+        pytest.fail(f"no end of refusals: {sidecar}")
+    assert sidecar
+    check(recording)
+    assert load_recording(path, force=True).times.size == recording.times.size
+
+
+def check(recording) -> None:
+    """The recording is the truth or its mirror image, but for the zero of a position and the digits of a unit."""
+    rows = slice(None, None, round(len(TRUTH["t"]) / recording.times.size))
+    way = np.sign(np.dot(recording.psi, TRUTH["psi"][rows]))
+    for name in ("x", "psi", "l", "u_x", "u_l"):
+        found, wanted = getattr(recording, name), TRUTH[name][rows] * (1.0 if name in ("l", "u_l") else way)
+        shift = np.median(found - wanted) if name == "x" else 0.0
+        np.testing.assert_allclose(found - shift, wanted, atol=6e-4, err_msg=name)
+    assert recording.has_cart and recording.has_swing and recording.has_hoist
+
+
+READ = {
+    "semicolons": lambda: table(TRUTH, ";"),
+    "semicolons and decimal commas": lambda: table(TRUTH, ";", comma=True),
+    "tabs": lambda: table(TRUTH, "\t"),
+    "tabs and decimal commas": lambda: table(TRUTH, "\t", comma=True),
+    "quoted decimal commas": lambda: re.sub(r"(-?\d+,\d+(?:e-?\d+)?)", r'"\1"', table(TRUTH, ";", comma=True)).replace(
+        ";", ","
+    ),
+    "a byte-order mark": lambda: "\ufeff" + table(TRUTH),
+    "a spreadsheet's separator line": lambda: "sep=;\r\n" + table(TRUTH, ";", comma=True).replace("\n", "\r\n"),
+    "a spreadsheet's export": lambda: "\ufeff" + table(TRUTH, ";", comma=True).replace("\n", "\r\n") + "\r\n\r\n",
+    "blanks about the cells": lambda: table(TRUTH).replace(",", " , "),
+    "quoted cells": lambda: re.sub(r"[^,\n]+", r'"\g<0>"', table(TRUTH)),
+    "old line ends": lambda: table(TRUTH).replace("\n", "\r"),
+    "columns in another order": lambda: table(only("l psi x u_l u_x t")),
+    "further columns": lambda: table({**TRUTH, "x_ref": TRUTH["x"], "theta_dot": TRUTH["psi"], "battery": TRUTH["t"]}),
+    "time from elsewhere": lambda: table({**TRUTH, "t": TRUTH["t"] + 5000.0}),
+    "rows that come irregularly": lambda: table({n: v[np.r_[0:200, 201:350, 352:1400]] for n, v in TRUTH.items()}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", READ.values(), ids=READ)
+def test_read_right(tmp_path, text):
+    path = tmp_path / "run.csv"
+    path.write_bytes(text().encode())
+    recording = load_recording(path)
+    rows = np.searchsorted(TRUTH["t"], recording.times - recording.start - 1e-6)
+    for name in ("x", "psi", "l", "u_x", "u_l"):
+        np.testing.assert_allclose(getattr(recording, name), TRUTH[name][rows], rtol=1e-12)
+
+
+def edited(edit: Callable[[list[str]], list[str]]) -> Callable[[], str]:
+    return lambda: "\n".join(edit(table(TRUTH).splitlines())) + "\n"
+
+
+REFUSED = {
+    "a monitor's banner": (edited(lambda n: ["Booting v1.2", "ready", *n]), r"row 1: .*Booting.* delete the rows"),
+    "a monitor's text between": (edited(lambda n: [*n[:50], "motor on", *n[50:]]), r"row 51: .*delete the row"),
+    "a cut last line": (edited(lambda n: [*n[:-1], n[-1][:9]]), r"row 1402: .*correct or delete the row"),
+    "a repeated header": (edited(lambda n: [*n[:50], n[0], *n[50:]]), r"row 51, column t: 't' is text"),
+    "a doubled row": (edited(lambda n: [*n[:50], n[49], *n[50:]]), r"row 51, column t: .*delete repeated rows"),
+    "all rows doubled": (edited(lambda n: [n[0], *sum(([r, r] for r in n[1:]), [])]), r"row 3, column t: .*repeated"),
+    "two files in one": (edited(lambda n: [*n, *n[1:]]), r"column t: .*keep one run in a file"),
+    "two files with headers": (edited(lambda n: [*n, *n]), r"column t: 't' is text"),
+    "no header": (edited(lambda n: n[1:]), r"row 1: numbers where the names"),
+    "no input": (lambda: table(only("t x psi l u_l")), r"x but no u_x; .*map it in run\.toml"),
+    "no rope length": (lambda: table(only("t u_x u_l x psi")), r"u_l but no l; .*\[locked\] l = 0\.7"),
+    "a rope that moves without input": (lambda: table(only("t u_x x psi l")), r"map the hoist's input"),
+    "no time": (lambda: table(only("u_x x psi l u_l")), r"no column t for the time"),
+    "one name twice": (edited(lambda n: [n[0].replace("psi", "x"), *n[1:]]), r"name is there twice"),
+    "psi and l swapped": (lambda: table(renamed(psi="l", l="psi")), r"column l: a rope length"),
+    "decimal commas in a comma table": (lambda: table(TRUTH, comma=True), r"row 2: .*decimal points"),
+    "blanks as separators": (lambda: table(TRUTH, " "), r"row 1: blanks between the columns; .*sed"),
+    "points for thousands": (
+        lambda: table(TRUTH, ";", comma=True).replace("\n0,01;", "\n1.000,01;"), r"row 2.*decimal points alone"
+    ),
+    "an empty cell": (edited(lambda n: [*n[:9], n[9].rsplit(",", 1)[0] + ",", *n[10:]]), r"row 10, column .*empty"),
+    "a missing value": (edited(lambda n: [*n[:9], n[9].rsplit(",", 1)[0] + ",NaN", *n[10:]]), r"row 10, column .*NaN"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "needle"), REFUSED.values(), ids=REFUSED)
+def test_refused(tmp_path, text, needle):
+    path = tmp_path / "run.csv"
+    path.write_text(text(), encoding="utf-8", newline="")
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    message = str(caught.value)
+    assert re.search(needle, message), message
+    assert message.splitlines() == [message]
+    (inspected,) = inspect_recordings([path])
+    assert message in inspected.problems
+
+
+def test_all_problems_are_found_at_once(tmp_path):
+    path = tmp_path / "run.csv"
+    columns = scaled(x=1e3, psi=180 / np.pi) | {"l": 1e2 * TRUTH["l"]}
+    path.write_text(table(columns))
+    (inspected,) = inspect_recordings([path])
+    assert [re.search(r"column (\w+):", problem)[1] for problem in inspected.problems] == ["x", "l", "psi"]
+    path.write_text(table(scaled(u_x=-1.0, u_l=-1.0, psi=-1.0)))
+    (inspected,) = inspect_recordings([path])
+    assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
+
+
+def test_right_signs_are_confirmed(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(table(TRUTH))
+    (inspected,) = inspect_recordings([path])
+    assert inspected.problems == ()
+    assert inspected.signs == {"psi": True, "u_x": True, "u_l": True}
+
+
+@pytest.mark.parametrize(("one", "other"), [("x", "psi"), ("u_x", "u_l"), ("x", "l")])
+def test_exchanged_columns(tmp_path, one, other):
+    path = tmp_path / "run.csv"
+    path.write_text(table(renamed(**{one: other, other: one})))
+    with pytest.raises(InputError, match="exchanged") as caught:
+        load_recording(path)
+    first, second = re.search(r"declare (\w+ = \{.*?\}) and (\w+ = \{.*?\}) under", str(caught.value)).groups()
+    (tmp_path / "run.toml").write_text(f"[columns]\n{first}\n{second}\n")
+    check(load_recording(path))
