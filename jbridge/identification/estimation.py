@@ -5,7 +5,6 @@ the motion; nothing is refused because a free run falls or runs away. Longer win
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from ..model.effects.drives import InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import longest_step
+from ..model.steps import substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import Engine
+from .sensitivity import Engine, Steps
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -145,8 +144,8 @@ def engine_for(
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given, width, lanes)
+    steps = Steps(substeps(plant, data.period), setting.fine)
+    return Engine(plant, courses, steps, len(data.tilings), given, width, lanes)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
