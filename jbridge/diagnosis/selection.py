@@ -63,6 +63,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
         # What a larger model gains must not be what more iterations gain.
         [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
+        point = problem.solved_anew(now.space.engine, point)
         now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {so_far}")
