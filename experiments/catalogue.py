@@ -30,6 +30,12 @@ FOOT = """
 Besides these a diagnosis weighs `wrong_value`, whose site is the name of a known number: a mass, a damping or a gain
 of the bridge.
 """
+ALIKE = """
+Some recordings cannot tell an effect from another one:
+
+| effect | looks like | in | told apart by |
+|---|---|---|---|
+"""
 UNITS = {
     "x": {"force": "N", "position": "m", "speed": "m/s"},
     "psi": {"force": "N m", "position": "rad", "speed": "rad/s"},
@@ -60,7 +66,12 @@ def table() -> str:
         law = inspect.getdoc(effect).split("\n\n")[0].replace("\n", " ")
         cells = (f"`{kind}`", ", ".join(effect.sites), parameters(effect), law)
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return HEAD + "\n".join(rows) + "\n" + FOOT
+    alike = [
+        f"| `{kind}` at {other.own_site} | `{other.kind}` at {other.site} | {other.recordings} | {other.separated_by} |"
+        for kind, effect in CATALOGUE.items()
+        for other in effect.alike
+    ]
+    return HEAD + "\n".join(rows) + "\n" + FOOT + ALIKE + "\n".join(alike) + "\n"
 
 
 def main() -> None:

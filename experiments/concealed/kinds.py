@@ -82,6 +82,8 @@ KINDS = {
     ("load_drag", "swing"): lambda d, s: {"coefficient": s * d.u(0.02, 0.05)},
     ("wind", "swing"): _wind,
     ("length_dependent_damping", "swing"): lambda d, s: {"slope": s * d.u(0.0025, 0.004), "length": 0.7},
+    ("rod_inertia", "swing"): lambda d, s: {
+        "mass": s * d.u(0.02, 0.05), "centre": d.u(0.15, 0.4), "inertia": s * d.u(0.001, 0.003)},
     ("double_pendulum", "swing"): lambda d, s: {
         "hook_mass": d.u(0.05, 0.08), "link": s * d.u(0.08, 0.15), "damping": d.u(1e-4, 4e-4)},
     ("direction_dependent_friction", "hoist"): lambda d, s: _one_sided(d, 0.15, 0.3, s),

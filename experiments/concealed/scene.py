@@ -33,9 +33,19 @@ def _dry(kind: str, name: str, damping: float, more: str) -> str:
     )
 
 
+def _rod(rod: Effect, hinge: str, below: str) -> str:
+    """A rod that turns about the pivot and is not hoisted; what is below slides along it."""
+    turned = f"{rod['inertia']:.12g}"
+    own = f'mass="{rod["mass"]:.12g}" diaginertia="{turned} {turned} 1e-9"'
+    return f'<body name="rod">{hinge}<inertial pos="0 0 {-rod["centre"]:.12g}" {own}/>{below}</body>'
+
+
 def _rope(bridge: dict, effects: list[Effect], length: float, winch: bool) -> str:
     elastic, double = _find(effects, "rope_elasticity"), _find(effects, "double_pendulum")
-    joints = _dry("hinge", "psi", bridge["swing_damping"], f'axis="0 -1 0" pos="0 0 {length:.12g}"')
+    rod = _find(effects, "rod_inertia")
+    above = 0.0 if rod else length
+    hinge = _dry("hinge", "psi", bridge["swing_damping"], f'axis="0 -1 0" pos="0 0 {above:.12g}"')
+    joints = "" if rod else hinge
     if winch:
         more = f'axis="0 0 -1" ref="{length:.12g}" armature="{bridge["winch_mass"]:.12g}"'
         joints += _dry("slide", "l", bridge["hoist_damping"], more)
@@ -45,16 +55,18 @@ def _rope(bridge: dict, effects: list[Effect], length: float, winch: bool) -> st
             f'damping="{elastic["damping"]:.12g}"/>'
         )
     if not double:
-        return f'<body name="load" pos="0 0 {-length:.12g}">{joints}{_mass(bridge["load_mass"])}</body>'
-    hinge = (
+        load = f'<body name="load" pos="0 0 {-length:.12g}">{joints}{_mass(bridge["load_mass"])}</body>'
+        return _rod(rod, hinge, load) if rod else load
+    hook = (
         f'<joint name="link" type="hinge" axis="0 -1 0" pos="0 0 {double["link"]:.12g}" '
         f'damping="{double["damping"]:.12g}"/>'
     )
     lower = _mass(bridge["load_mass"] - double["hook_mass"])
-    return (
+    chain = (
         f'<body name="hook" pos="0 0 {-length:.12g}">{joints}{_mass(double["hook_mass"])}'
-        f'<body name="load" pos="0 0 {-double["link"]:.12g}">{hinge}{lower}</body></body>'
+        f'<body name="load" pos="0 0 {-double["link"]:.12g}">{hook}{lower}</body></body>'
     )
+    return _rod(rod, hinge, chain) if rod else chain
 
 
 def build(truth: dict, length: float) -> tuple[mujoco.MjModel, Layout]:

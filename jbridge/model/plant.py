@@ -28,6 +28,7 @@ from .effects.base import (
     AbstractFriction,
     AbstractMechanism,
 )
+from .effects.bodies import AbstractBody
 from .effects.drives import ActuatorLag, DrumRadiusChange
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
 from .effects.friction import PreslidingFriction
@@ -68,6 +69,7 @@ class Push(NamedTuple):
     down: Axes
 
 
+_Inertia: TypeAlias = tuple[Symmetric, Axes]
 _Pair: TypeAlias = tuple[Scalar, Scalar]
 _Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
 
@@ -151,6 +153,32 @@ class Plant(eqx.Module):
             found[axis] = found[axis] + effect.time_constant
         return Axes(found["x"], jnp.zeros(()), found["l"])
 
+    def inertia(
+        self, q: Axes, v: Axes, loaded: Scalar | float, swing: tuple[Scalar, Scalar] | None = None
+    ) -> tuple[Symmetric, Axes]:
+        """`M(q)` and `bias(q, v)` of the bridge with the bodies that swing beside its load.
+
+        Args:
+            q, v: positions and velocities at the load.
+            loaded: 1 where a load hangs from the cart, 0 for a cart alone, which carries none.
+            swing: sine and cosine of `q.psi`, where they are known already.
+        """
+        turned = sincos(q.psi) if swing is None else swing
+        m, bias = self.bridge.mass_matrix(q, turned), self.bridge.bias(q, v, turned)
+        m = m._replace(xx=m.xx - self.bridge.load_mass * (1.0 - loaded))
+        for body in self.all(AbstractBody):
+
+            def swings(parts: _Inertia, body: AbstractBody = body) -> _Inertia:
+                own, pull = body.mass_matrix(turned), body.bias(v, self.bridge.gravity, turned)
+                own = own._replace(xx=loaded * own.xx)
+                return (
+                    Symmetric(*(a + b for a, b in zip(parts[0], own, strict=True))),
+                    Axes(*(a + b for a, b in zip(parts[1], pull, strict=True))),
+                )
+
+            m, bias = self.after(swings, (m, bias), body)
+        return m, bias
+
     def stretch(self) -> Scalar:
         """Static elongation of an elastic rope under the load [m]."""
         rope = self.only(RopeElasticity)
@@ -232,13 +260,12 @@ class Plant(eqx.Module):
         # A cart alone carries no load.
         loaded = jnp.maximum(active.psi, active.l)
         swing = materialise(sincos(load_q.psi), go)
-        m = b.mass_matrix(load_q, swing)
-        xx = m.xx - b.load_mass * (1.0 - loaded) - (0.0 if train is None else train.motor_mass)
+        m, bias = self.inertia(load_q, load_v, loaded, swing)
+        xx = m.xx if train is None else m.xx - train.motor_mass
         ll = m.ll if rope is None else m.ll - b.winch_mass
         m = m._replace(xx=xx, ll=ll)
         # The rope's far end moves freely where the rope is elastic, even if the winch is locked.
         block = active if rope is None else active._replace(l=loaded)
-        bias = b.bias(load_q, load_v, swing)
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
         if push is not None:
             force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))

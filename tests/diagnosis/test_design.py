@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.design import _gentlest, next_experiment
+from jbridge.diagnosis.design import _gentlest, _separated_by, next_experiment
 from jbridge.diagnosis.plays import FORMS, Play, Wave, library, start_of, variants
 from jbridge.diagnosis.reach import Reach, Volts, reach_of
 from jbridge.diagnosis.separate import (
@@ -43,6 +43,16 @@ def test_voltages_stay_within_what_was_recorded(form, size):
             assert u.max() > drive.rest and u.min() < drive.rest
     forwards = Wave("square", size, 2.0).volts(times, DRIVES["u_x"]).max()
     assert forwards == pytest.approx(0.3 + 2.7 * size if size >= 0 else 0.3 * (1 + size), abs=1e-3)
+
+
+def test_what_the_catalogue_knows_to_separate_is_said():
+    def rivals(*names):
+        return [Contender(*name, 0.5, make_plant(), (), np.zeros((0, 0))) for name in names]
+
+    pair = rivals(("sensor_offset", "l_sensor"), ("rod_inertia", "swing"))
+    assert "several rope lengths" in _separated_by(pair)[0]
+    assert _separated_by(rivals(("sensor_offset", "x_sensor"), ("rod_inertia", "swing"))) == []
+    assert _separated_by(rivals(("wrong_value", "load_mass"), ("rod_inertia", "swing"))) == []
 
 
 def test_a_library_is_about_what_the_rivals_are_about():

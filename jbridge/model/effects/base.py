@@ -179,6 +179,20 @@ class Seed:
     together stand for a sine and a cosine."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Alike:
+    """An explanation that some recordings cannot tell from an effect."""
+
+    own_site: str
+    """Where the effect is."""
+    kind: str
+    site: str
+    recordings: str
+    """In which recordings the two look alike."""
+    separated_by: str
+    """The experiment that separates them."""
+
+
 class AbstractEffect(eqx.Module):
     """One piece of physics at one site."""
 
@@ -186,6 +200,8 @@ class AbstractEffect(eqx.Module):
     sites: eqx.AbstractClassVar[tuple[str, ...]]
     sentence: eqx.AbstractClassVar[str]
     """What a rig's owner is told; `{axis}` is filled in with the axis' name."""
+    alike: ClassVar[tuple[Alike, ...]] = ()
+    """Explanations that some recordings cannot tell from this one."""
     site: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .base import AbstractEffect, parameters_of
+from .bodies import RodInertia
 from .drives import (
     ActuatorLag,
     DeadZone,
@@ -54,6 +55,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         LoadDrag,
         Wind,
         LengthDependentDamping,
+        RodInertia,
         RopeElasticity,
         DoublePendulum,
         BeltCompliance,

@@ -138,12 +138,14 @@ SENSORS = {
     "missed_counts": lambda p, t, q: q(t) + p["jump"] * (t > p["time"]),
     "sensor_eccentricity": lambda p, t, q: q(t) + p["amplitude"] * np.sin(2 * np.pi * q(t) / p["period"] + p["phase"]),
 }
+BODIES = ("rod_inertia",)
+"""Tested in `test_bodies`."""
 WITH_MEMORY = ("presliding_friction", "input_delay", "actuator_lag", "drum_radius_change")
 """Tested in `test_friction` and `test_rollout`."""
 
 
 def test_every_kind_has_its_law():
-    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *WITH_MEMORY, *MECHANISMS]
+    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *BODIES, *WITH_MEMORY, *MECHANISMS]
     assert sorted(covered) == sorted(KINDS)
 
 

@@ -55,6 +55,7 @@ def example(kind: str, site: str) -> dict:
         "load_drag": {"coefficient": 0.05},
         "wind": {"force": 0.2, "start": 0.2713, "stop": 0.4127},
         "length_dependent_damping": {"slope": 0.01, "length": 0.5},
+        "rod_inertia": {"mass": 0.05, "centre": 0.3, "inertia": 0.004},
         "residual_force": {
             "places": KNOTS[axis],
             "by_place": [0.5 * f, -f, 0.3 * f],
