@@ -157,7 +157,13 @@ def _quadratic_drag(e: Effect, at: Layout, dt: float) -> ForceLaw:
 
 
 def _constant_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
-    return lambda t, q, v, forces: at.push_cart(e["level"], forces)
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        if e["site"] == "cart":
+            at.push_cart(e["level"], forces)
+        else:
+            forces[at.psi if e["site"] == "swing" else at.l] += e["level"]
+
+    return law
 
 
 def _spring_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
@@ -187,6 +193,13 @@ def _length_dependent_damping(e: Effect, at: Layout, dt: float) -> ForceLaw:
     return law
 
 
+def _power_law_damping(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        forces[at.psi] -= math.copysign(e["coefficient"] * abs(v[at.psi]) ** e["exponent"], v[at.psi])
+
+    return law
+
+
 FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "presliding_friction": _presliding,
     "quadratic_drag": _quadratic_drag,
@@ -194,6 +207,7 @@ FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "spring_force": _spring_force,
     "periodic_force": _periodic_force,
     "end_stop": _end_stop,
+    "power_law_damping": _power_law_damping,
     "length_dependent_damping": _length_dependent_damping,
 }
 

@@ -84,6 +84,8 @@ KINDS = {
     ("length_dependent_damping", "swing"): lambda d, s: {"slope": s * d.u(0.0025, 0.004), "length": 0.7},
     ("rod_inertia", "swing"): lambda d, s: {
         "mass": s * d.u(0.02, 0.05), "centre": d.u(0.15, 0.4), "inertia": s * d.u(0.001, 0.003)},
+    ("constant_force", "swing"): lambda d, s: {"level": s * d.sign() * d.u(0.004, 0.008)},
+    ("power_law_damping", "swing"): lambda d, s: {"coefficient": s * d.u(0.002, 0.004), "exponent": d.u(0.5, 2.5)},
     ("double_pendulum", "swing"): lambda d, s: {
         "hook_mass": d.u(0.05, 0.08), "link": s * d.u(0.08, 0.15), "damping": d.u(1e-4, 4e-4)},
     ("direction_dependent_friction", "hoist"): lambda d, s: _one_sided(d, 0.15, 0.3, s),
@@ -91,6 +93,7 @@ KINDS = {
     ("quadratic_drag", "hoist"): lambda d, s: {"coefficient": s * d.u(15, 30)},
     ("stribeck_friction", "hoist"): lambda d, s: {
         "level": 0.0, "breakaway": s * d.u(0.5, 1.0), "velocity": d.u(0.02, 0.05)},
+    ("constant_force", "hoist"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.3)},
     ("rope_elasticity", "hoist"): lambda d, s: {"stiffness": d.u(80, 140) / s, "damping": d.u(0.3, 0.6)},
     ("saturation", "cart_drive"): lambda d, s: {"limit": d.u(2.2, 2.6)},
     ("input_delay", "cart_drive"): lambda d, s: {"delay": d.steps(0.010, 0.025, s)},

@@ -23,7 +23,7 @@ SITE_OF_NUMBER = {
 """Numbers that a rig's owner may know wrong, by the site where they act. Gravity is not among them."""
 
 
-_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity"})
+_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity", "exponent"})
 """Keys that say when, where or how fast an effect acts."""
 
 

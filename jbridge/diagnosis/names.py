@@ -17,6 +17,7 @@ _KINDS = {
     "position_dependent_friction": "position-dependent friction",
     "position_direction_friction": "position- and direction-dependent friction",
     "length_dependent_damping": "length-dependent damping",
+    "power_law_damping": "power-law damping",
 }
 """Kinds that need more than blanks between their words."""
 

@@ -29,6 +29,10 @@ TOLERANCE = np.array([5e-6, 5e-5, 2e-5])
 """The rig's step of 0.2 ms leaves up to 2 um and 0.03 mrad (see `test_concealed`)."""
 
 CASES = {
+    ("coulomb_friction", "swing"): {"level": 0.01},
+    ("constant_force", "swing"): {"level": 0.05},
+    ("constant_force", "hoist"): {"level": 1.2},
+    ("power_law_damping", "swing"): {"coefficient": 0.008, "exponent": 1.7},
     ("rod_inertia", "swing"): {"mass": 0.2, "centre": 0.3, "inertia": 0.01},
 }
 
@@ -59,12 +63,22 @@ def without() -> np.ndarray:
     return played([])
 
 
-@pytest.mark.parametrize(("kind", "site"), [pytest.param(*name, id="@".join(name)) for name in CASES])
-def test_an_effect_against_the_rig(kind, site):
+def compared(*names: tuple[str, str]) -> None:
+    """Our readings with some of the effects against the rig's with the same."""
     table, vector, run = shared()
     vector = vector.copy()
-    for key, value in CASES[kind, site].items():
-        vector[table.positions(f"{kind}@{site}.{key}")] = value
-    theirs = played([{"kind": kind, "site": site, **CASES[kind, site]}])
+    for kind, site in names:
+        for key, value in CASES[kind, site].items():
+            vector[table.positions(f"{kind}@{site}.{key}")] = value
+    theirs = played([{"kind": kind, "site": site, **CASES[kind, site]} for kind, site in names])
     assert np.any(np.abs(theirs - without()) > 50 * TOLERANCE), "it is felt"
     assert np.all(np.abs(np.asarray(run(jnp.asarray(vector))) - theirs) < TOLERANCE)
+
+
+@pytest.mark.parametrize(("kind", "site"), [pytest.param(*name, id="@".join(name)) for name in CASES])
+def test_an_effect_against_the_rig(kind, site):
+    compared((kind, site))
+
+
+def test_a_pivot_with_dry_friction_a_power_law_and_out_of_balance():
+    compared(("coulomb_friction", "swing"), ("power_law_damping", "swing"), ("constant_force", "swing"))

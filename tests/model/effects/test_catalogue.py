@@ -51,6 +51,7 @@ EXAMPLES = {
     "load_drag": {"coefficient": 0.2},
     "wind": {"force": 0.3, "start": 1.0, "stop": 3.0},
     "length_dependent_damping": {"slope": 0.02, "length": 0.5},
+    "power_law_damping": {"coefficient": 0.03, "exponent": 1.6},
     "residual_force": {
         "places": [0.2, 0.35, 0.6],
         "by_place": [0.5, -0.4, 0.1],
@@ -116,6 +117,7 @@ OWN_AXIS = {
     "periodic_force": lambda p, t, q, v, l: p["amplitude"] * np.sin(2 * np.pi * q / p["period"] + p["phase"]),
     "end_stop": lambda p, t, q, v, l: stop_force(p, q, v),
     "length_dependent_damping": lambda p, t, q, v, l: -p["slope"] * (l - p["length"]) * v,
+    "power_law_damping": lambda p, t, q, v, l: -p["coefficient"] * abs(v) ** p["exponent"] * np.sign(v),
     "residual_force": lambda p, t, q, v, l: bump(q, v, p),
 }
 EVERY_AXIS = {
