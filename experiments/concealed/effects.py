@@ -134,6 +134,18 @@ FRICTION: dict[str, Callable[[Effect], FrictionLaw]] = {
 }
 
 
+LoadedLaw = Callable[[float], float]
+"""Load on the axis [N] -> Coulomb level."""
+
+
+def _load_dependent(e: Effect) -> LoadedLaw:
+    return lambda load: e["level"] + e["share"] * load
+
+
+LOADED_FRICTION: dict[str, Callable[[Effect], LoadedLaw]] = {"load_dependent_friction": _load_dependent}
+"""Friction by the size of the drive's force, at the swing by the pull on the pivot."""
+
+
 def _presliding(e: Effect, at: Layout, dt: float) -> ForceLaw:
     """Dahl: z' = v (1 - stiffness z sign(v) / level) for the spring's stretch z, exact over a step."""
     slip = e["level"] / e["stiffness"]

@@ -66,6 +66,7 @@ KINDS = {
     ("direction_dependent_friction", "cart"): lambda d, s: _one_sided(d, 0.1, 0.2, s),
     ("position_dependent_friction", "cart"): lambda d, s: {"knots": RAIL[6], "levels": d.profile(6, 0.4, s)},
     ("position_direction_friction", "cart"): _lookup,
+    ("load_dependent_friction", "cart"): lambda d, s: {"level": 0.0, "share": s * d.u(0.02, 0.05)},
     ("presliding_friction", "cart"): lambda d, s: {"level": d.u(2.5, 4.0), "stiffness": d.u(2000, 4000) / s},
     ("quadratic_drag", "cart"): lambda d, s: {"coefficient": s * d.u(2.0, 4.0)},
     ("friction_drift", "cart"): lambda d, s: {"level": 0.0, "rate": s * d.u(0.01, 0.02)},
@@ -79,6 +80,7 @@ KINDS = {
         "stiffness": d.u(3000, 6000) / s, "damping": d.u(8, 20), "motor_mass": d.u(1.0, 2.0)},
     ("backlash", "cart"): lambda d, s: {"gap": s * d.u(1e-3, 2e-3), "motor_mass": d.u(1.0, 2.0)},
     ("coulomb_friction", "swing"): lambda d, s: {"level": s * d.u(0.001, 0.002)},
+    ("load_dependent_friction", "swing"): lambda d, s: {"level": 0.0, "share": s * d.u(5e-4, 1e-3)},
     ("load_drag", "swing"): lambda d, s: {"coefficient": s * d.u(0.02, 0.05)},
     ("wind", "swing"): _wind,
     ("length_dependent_damping", "swing"): lambda d, s: {"slope": s * d.u(0.0025, 0.004), "length": 0.7},
@@ -90,6 +92,7 @@ KINDS = {
         "hook_mass": d.u(0.05, 0.08), "link": s * d.u(0.08, 0.15), "damping": d.u(1e-4, 4e-4)},
     ("direction_dependent_friction", "hoist"): lambda d, s: _one_sided(d, 0.15, 0.3, s),
     ("position_dependent_friction", "hoist"): lambda d, s: {"knots": ROPE, "levels": d.profile(5, 0.4, s)},
+    ("load_dependent_friction", "hoist"): lambda d, s: {"level": 0.0, "share": s * d.u(0.03, 0.06)},
     ("quadratic_drag", "hoist"): lambda d, s: {"coefficient": s * d.u(15, 30)},
     ("stribeck_friction", "hoist"): lambda d, s: {
         "level": 0.0, "breakaway": s * d.u(0.5, 1.0), "velocity": d.u(0.02, 0.05)},

@@ -204,7 +204,7 @@ def _left_over(
         needed = m @ a
         force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
         drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q))
-        up, down = plant.friction_levels(t, q, v)
+        up, down = plant.friction_levels(t, q, v, plant.loads(q, v, drive))
         rest = Axes(*(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True)))
         return rest, up, down
 

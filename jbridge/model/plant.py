@@ -71,7 +71,7 @@ class Push(NamedTuple):
 
 _Inertia: TypeAlias = tuple[Symmetric, Axes]
 _Pair: TypeAlias = tuple[Scalar, Scalar]
-_Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
+_Four: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 class Plant(eqx.Module):
@@ -186,15 +186,28 @@ class Plant(eqx.Module):
             return jnp.zeros(())
         return self.bridge.load_mass * self.bridge.gravity / rope.stiffness
 
-    def friction_levels(self, t: Scalar, q: Axes, v: Axes) -> tuple[Axes, Axes]:
-        """Levels against positive and against negative motion, summed over the effects of each axis."""
+    def loads(self, q: Axes, v: Axes, drive: Axes) -> Axes:
+        """What friction may grow with: the forces of the drives, and the pull on the swing's pivot [N].
+
+        Args:
+            q, v: positions and velocities at the load.
+            drive: forces of the motors [N].
+        """
+        swing, gravity = sincos(q.psi), self.bridge.gravity
+        pull = self.bridge.load_mass * (gravity * swing[1] + q.l * v.psi * v.psi)
+        for body in self.all(AbstractBody):
+            pull = pull + body.pull(v, gravity, swing)
+        return drive._replace(psi=pull)
+
+    def friction_levels(self, t: Scalar, q: Axes, v: Axes, load: Axes) -> tuple[Axes, Axes]:
+        """Levels against positive and against negative motion, of all effects of each axis under these `loads`."""
         zero = jnp.zeros_like(v.x)
         total = dict.fromkeys(Axes._fields, (zero, zero))
         for effect in self.all(AbstractFriction):
             axis = AXIS_OF_SITE[effect.site]
-            at = t, getattr(q, axis), getattr(v, axis)
+            at = t, getattr(q, axis), getattr(v, axis), getattr(load, axis)
 
-            def law(levels: _Pair, effect: AbstractFriction = effect, at: _Triple = at) -> _Pair:
+            def law(levels: _Pair, effect: AbstractFriction = effect, at: _Four = at) -> _Pair:
                 up, down = effect.levels(*at)
                 return levels[0] + up, levels[1] + down
 
@@ -303,7 +316,7 @@ class Plant(eqx.Module):
         a_motor = None if train is None else at_x * active.x / train.motor_mass
         a_winch = None if rope is None else at_l * active.l / b.winch_mass
         rest = Axes(free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch)
-        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives())
+        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives(), self.loads(load_q, load_v, drive))
         if push is not None:
             positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
             negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))

@@ -78,13 +78,13 @@ def test_reach_is_what_was_recorded():
     model = Model(make_plant(), frozenset(("cart_mass",)), frozenset(NUMBERS), {}, "m.toml")
     setting = make_setting(model, runs, ())
     plants = [
-        make_plant(("coulomb_friction", "cart", {"level": 4.0})),
+        make_plant(("load_dependent_friction", "cart", {"level": 3.0, "share": 0.25})),
         make_plant(("dead_zone", "cart_drive", {"positive": 0.5, "negative": 0.5})),
     ]
     reach = reach_of(setting, plants)
     assert reach.period == 0.01 and reach.seconds == pytest.approx(9.99)
     assert 0.3 < reach.low["x"] < 0.34 and 1.06 < reach.high["x"] < 1.1
-    # On average of 4 N over 16 N/V and of half a volt.
+    # On average of 4 N, a quarter of which rubs, over 16 N/V and of half a volt.
     drive = reach.drives["u_x"]
     assert drive.most == (pytest.approx(2.5, abs=1e-3), pytest.approx(-2.5, abs=1e-3)) and drive.rest == 0.0
     assert drive.least[0] == pytest.approx(0.5 * (0.25 + 0.5))

@@ -3,7 +3,7 @@
 An effect is one piece of physics that a bridge may or may not have. It has a `kind`, a `site` and parameters; the
 parameter's unit, bounds and null value stand beside the field. The roles below say where an effect enters:
 
-- friction: a level of dry friction, which may depend on place, velocity and time (`AbstractFriction`);
+- friction: a level of dry friction, which may depend on place, velocity, load and time (`AbstractFriction`);
 - damping: a smooth force on an axis, where its drive sits (`AbstractDamping`);
 - force: a smooth force on cart and load (`AbstractForce`);
 - drive: volts in, volts out (`AbstractDrive`), plus delay, lag and drum radius, which the engine asks for by name;
@@ -218,13 +218,14 @@ class AbstractFriction(AbstractEffect):
     """Dry friction on one axis. Levels of several frictions on an axis add; the engine makes them hold at rest."""
 
     @abc.abstractmethod
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         """Largest friction against positive and against negative motion, both >= 0 [N, N m].
 
         Args:
             t: time from the recording's start [s].
             q: the axis' coordinate [m, rad].
             v: its velocity [m/s, rad/s].
+            load: force of the axis' drive, at the swing the pull on its pivot [N].
         """
 
 

@@ -32,6 +32,10 @@ class AbstractBody(AbstractEffect):
             swing: sine and cosine of the swing angle.
         """
 
+    @abc.abstractmethod
+    def pull(self, v: Axes, gravity: Scalar, swing: tuple[Scalar, Scalar]) -> Scalar:
+        """What the body adds to the pull on the pivot by its weight and rotation [N]; arguments as for `bias`."""
+
 
 class RodInertia(AbstractBody):
     """A rigid rod that hangs from the pivot and turns with the load, which is fixed to it or slides along it.
@@ -77,6 +81,10 @@ class RodInertia(AbstractBody):
         sine, _ = swing
         pull = self.mass * self.centre * sine
         return Axes(-pull * v.psi * v.psi, pull * gravity, jnp.zeros_like(sine))
+
+    def pull(self, v: Axes, gravity: Scalar, swing: tuple[Scalar, Scalar]) -> Scalar:
+        _, cosine = swing
+        return self.mass * (gravity * cosine + self.centre * v.psi * v.psi)
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:

@@ -1,4 +1,4 @@
-"""Dry friction: how large it is, by place, direction, velocity and time. How it sticks is the engine's affair.
+"""Dry friction: how large it is, by place, direction, velocity, load and time. How it sticks is the engine's affair.
 
 Beside a plain Coulomb friction on the same axis the level common to both would be counted twice. A seed therefore
 frees only what an added law has of its own, and `diagnose` keeps the smallest added level at zero.
@@ -18,6 +18,7 @@ from .base import (
     HOIST,
     SWING,
     AbstractFriction,
+    Alike,
     Scene,
     Seed,
     interpolate,
@@ -37,7 +38,7 @@ class CoulombFriction(AbstractFriction):
     level: Scalar = parameter("{force}", "sliding and holding level", low=0.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return self.level, self.level
 
     @classmethod
@@ -56,7 +57,7 @@ class StribeckFriction(AbstractFriction):
     velocity: Scalar = parameter("{speed}", "velocity over which the extra fades", null=0.05, low=1e-4)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         ratio = v / self.velocity
         # Friction that grows with speed is damping, and is called so.
         size = self.level + jnp.maximum(self.breakaway - self.level, 0.0) * jnp.exp(-ratio * ratio)
@@ -80,7 +81,7 @@ class DirectionDependentFriction(AbstractFriction):
     negative: Scalar = parameter("{force}", "level against negative motion", low=0.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return self.positive, self.negative
 
     @classmethod
@@ -100,7 +101,7 @@ class PositionDependentFriction(AbstractFriction):
     levels_at: Float[Array, " knot"] = parameter("{force}", "level at each knot", low=0.0, vector=True, key="levels")
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         size = interpolate(self.knots, self.levels_at, q)
         return size, size
 
@@ -121,7 +122,7 @@ class PositionDirectionFriction(AbstractFriction):
     negative: Float[Array, " knot"] = parameter("{force}", "level against negative motion", low=0.0, vector=True)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return interpolate(self.knots, self.positive, q), interpolate(self.knots, self.negative, q)
 
     @classmethod
@@ -129,6 +130,35 @@ class PositionDirectionFriction(AbstractFriction):
         knots = uniform_knots(scene, AXIS_OF_SITE[site], MAP_KNOTS)
         null = [0.0] * MAP_KNOTS
         return [Seed({"knots": knots, "positive": null, "negative": null}, ("positive", "negative"))]
+
+
+class LoadDependentFriction(AbstractFriction):
+    """`-(level + share |load|) sign(v)`, and holds when stuck; `load` is the drive's force or the pull on the pivot.
+
+    At cart and hoist the load is the force of the motor, which presses gears and guides together; at the swing it is
+    the force with which load and rod hang on the pivot, `m2 (g cos psi + l psi'^2)`, and `share` is the bearing's
+    radius times its coefficient of friction. The reaction to accelerations of cart and winch, small beside it, is left
+    out. Duclusaud et al. (Extended friction models for the physics simulation of servo actuators, 2024) identify it for
+    geared motors.
+    """
+
+    kind: ClassVar[str] = "load_dependent_friction"
+    sites: ClassVar[tuple[str, ...]] = (CART, SWING, HOIST)
+    sentence: ClassVar[str] = "dry friction of the {axis} that grows with the load that it carries"
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(SWING, "coulomb_friction", SWING, "swings of small angles with one load", "Wide swings"),
+    )
+    level: Scalar = parameter("{force}", "level without a load", low=0.0)
+    share: Scalar = parameter("{force}/N", "growth with the load", low=0.0, high=0.9)
+    site: str = eqx.field(static=True)
+
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
+        size = self.level + self.share * jnp.abs(load)
+        return size, size
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("share",) if scene.friction[site] > 0 else ("level", "share"))]
 
 
 class PreslidingFriction(AbstractFriction):
@@ -145,7 +175,7 @@ class PreslidingFriction(AbstractFriction):
     stiffness: Scalar = parameter("{force}/{position}", "stiffness before slip", null=1e4, low=10.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return jnp.zeros_like(v), jnp.zeros_like(v)
 
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
@@ -173,7 +203,7 @@ class FrictionDrift(AbstractFriction):
     rate: Scalar = parameter("{force}/s", "change of the level with time")
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         size = jnp.maximum(self.level + self.rate * t, 0.0)
         return size, size
 

@@ -25,11 +25,15 @@ SECONDS = 1.5
 START = {"x": 0.5, "psi": 0.25, "l": 0.7}
 TIMES = np.arange(round(SECONDS / rig.SAMPLE) + 1) * rig.SAMPLE
 VOLTS = np.column_stack([2.5 * np.sin(4.0 * TIMES) + 0.8, -0.45 + 1.2 * np.sin(3.0 * TIMES)])
-TOLERANCE = np.array([5e-6, 5e-5, 2e-5])
-"""The rig's step of 0.2 ms leaves up to 2 um and 0.03 mrad (see `test_concealed`)."""
+TOLERANCE = np.array([1.5e-5, 5e-5, 2e-5])
+"""The rig's step of 0.2 ms leaves up to 2 um and 0.03 mrad (see `test_concealed`), and 10 um more after a stop that
+friction brings about in the midst of one, which shorter steps of ours do not change."""
 
 CASES = {
     ("coulomb_friction", "swing"): {"level": 0.01},
+    ("load_dependent_friction", "cart"): {"level": 0.5, "share": 0.1},
+    ("load_dependent_friction", "swing"): {"level": 0.001, "share": 0.004},
+    ("load_dependent_friction", "hoist"): {"level": 0.3, "share": 0.2},
     ("constant_force", "swing"): {"level": 0.05},
     ("constant_force", "hoist"): {"level": 1.2},
     ("power_law_damping", "swing"): {"coefficient": 0.008, "exponent": 1.7},

@@ -42,6 +42,7 @@ EXAMPLES = {
     "direction_dependent_friction": {"positive": 2.0, "negative": 3.5},
     "position_dependent_friction": SHAPE | {"levels": [1.0, 3.0, 2.5]},
     "position_direction_friction": SHAPE | {"positive": [1.0, 3.0, 2.5], "negative": [2.0, 0.5, 4.0]},
+    "load_dependent_friction": {"level": 1.2, "share": 0.15},
     "quadratic_drag": {"coefficient": 7.0},
     "friction_drift": {"level": 2.0, "rate": -0.8},
     "constant_force": {"level": -1.3},
@@ -72,6 +73,12 @@ EXAMPLES = {
 
 def interp(q, p, key):
     return np.interp(q, p["knots"], p[key])
+
+
+def load_on(site, psi, w, l):
+    """Size of the drives' forces at the inputs of `accelerations_of_all`, or the pull on the pivot [N]."""
+    pull = NUMBERS["load_mass"] * (NUMBERS["gravity"] * np.cos(psi) + l * w**2)
+    return {"cart": NUMBERS["cart_gain"] * 0.7, "swing": pull, "hoist": NUMBERS["hoist_gain"] * 0.6}[site]
 
 
 def bump(q, v, p):
@@ -140,6 +147,7 @@ SENSORS = {
     "missed_counts": lambda p, t, q: q(t) + p["jump"] * (t > p["time"]),
     "sensor_eccentricity": lambda p, t, q: q(t) + p["amplitude"] * np.sin(2 * np.pi * q(t) / p["period"] + p["phase"]),
 }
+LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
 """Tested in `test_bodies`."""
 WITH_MEMORY = ("presliding_friction", "input_delay", "actuator_lag", "drum_radius_change")
@@ -147,7 +155,7 @@ WITH_MEMORY = ("presliding_friction", "input_delay", "actuator_lag", "drum_radiu
 
 
 def test_every_kind_has_its_law():
-    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *BODIES, *WITH_MEMORY, *MECHANISMS]
+    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *LOADED, *BODIES, *WITH_MEMORY, *MECHANISMS]
     assert sorted(covered) == sorted(KINDS)
 
 
@@ -215,6 +223,16 @@ def test_forces_on_the_load(kind, site):
     """By virtual work: a force on the load acts on each axis by how that axis moves the load."""
     expected = [EVERY_AXIS[kind](EXAMPLES[kind], t, s[:3], s[3:]) for s, t in zip(STATES, TIMES, strict=True)]
     np.testing.assert_allclose(forces_of(kind, site, EXAMPLES[kind]), expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind, site", places(LOADED))
+def test_friction_by_load(kind, site):
+    p, i = EXAMPLES[kind], AXES.index(AXIS_OF_SITE[site])
+    expected = np.zeros((len(STATES), 3))
+    for k, state in enumerate(STATES):
+        load = load_on(site, state[1], state[4], state[2])
+        expected[k, i] = -(p["level"] + p["share"] * load) * np.sign(state[3 + i])
+    np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
 
 
 def test_virtual_work_of_the_wind():

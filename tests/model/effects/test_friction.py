@@ -105,10 +105,13 @@ def test_time_to_stop_and_hold():
 
 def test_break_away_just_above_the_level():
     level = 4.0
+    plain, loaded = ("coulomb_friction", {"level": level}), ("load_dependent_friction", {"level": 3.0, "share": 0.25})
     for share, moves in ((0.999, False), (1.001, True), (-0.999, False), (-1.001, True)):
-        path = cart(("coulomb_friction", "cart", {"level": level}), u=held(share * level / GAIN, 1.0))
-        expected = np.sign(share) * (abs(share) - 1.0) * level / MASS if moves else 0.0
-        np.testing.assert_allclose(path[-1], [expected / 2, expected], atol=1e-12)
+        # Of 4 N that the drive gives a quarter rubs, and 3 N rub besides; of what it gives beyond, three quarters act.
+        for (kind, values), left in ((plain, 1.0), (loaded, 0.75)):
+            path = cart((kind, "cart", values), u=held(share * level / GAIN, 1.0))
+            expected = left * np.sign(share) * (abs(share) - 1.0) * level / MASS if moves else 0.0
+            np.testing.assert_allclose(path[-1], [expected / 2, expected], atol=1e-12)
 
 
 CASES = {

@@ -45,6 +45,7 @@ def example(kind: str, site: str) -> dict:
             "positive": [0.5 * f, f, 0.3 * f],
             "negative": [0.2 * f, 0.4 * f, f],
         },
+        "load_dependent_friction": {"level": 0.4 * f, "share": 0.05 * f},
         "presliding_friction": {"level": 2.0, "stiffness": 300.0},
         "quadratic_drag": {"coefficient": 4.0},
         "friction_drift": {"level": 0.5, "rate": 0.8},
