@@ -159,6 +159,17 @@ def _presliding(e: Effect, at: Layout, dt: float) -> ForceLaw:
     return law
 
 
+def _cable_drag(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    """A spring to a place of rest beside Dahl's loop: z' = v / travel (1 - z sign(v)), exact over a step."""
+    loop = _presliding({"level": e["level"], "stiffness": e["level"] / e["travel"]}, at, dt)
+
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        loop(t, q, v, forces)
+        forces[at.x] -= e["stiffness"] * (q[at.x] - e["rest"])
+
+    return law
+
+
 def _quadratic_drag(e: Effect, at: Layout, dt: float) -> ForceLaw:
     joint = at.x if e["site"] == "cart" else at.l
 
@@ -214,6 +225,7 @@ def _power_law_damping(e: Effect, at: Layout, dt: float) -> ForceLaw:
 
 FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "presliding_friction": _presliding,
+    "cable_drag": _cable_drag,
     "quadratic_drag": _quadratic_drag,
     "constant_force": _constant_force,
     "spring_force": _spring_force,

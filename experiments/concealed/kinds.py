@@ -72,6 +72,8 @@ KINDS = {
     ("friction_drift", "cart"): lambda d, s: {"level": 0.0, "rate": s * d.u(0.01, 0.02)},
     ("constant_force", "cart"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.2)},
     ("spring_force", "cart"): lambda d, s: {"stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0)},
+    ("cable_drag", "cart"): lambda d, s: {
+        "stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0), "level": s * d.u(0.1, 0.2), "travel": d.u(0.02, 0.08)},
     ("periodic_force", "cart"): lambda d, s: {
         "amplitude": s * d.u(0.2, 0.4), "period": d.u(0.06, 0.15), "phase": d.u(-3.0, 3.0)},
     ("end_stop", "cart"): lambda d, s: {

@@ -9,8 +9,9 @@ import numpy as np
 
 from .._types import AXES, Axes
 from ..identification.problem import Setting, scene_of
+from ..model.effects.base import AbstractHysteresis
 from ..model.effects.drives import DeadZone
-from ..model.effects.friction import LoadDependentFriction, PreslidingFriction
+from ..model.effects.friction import LoadDependentFriction
 from ..model.plant import Plant
 
 _MARGIN = 0.02
@@ -94,7 +95,7 @@ def _starts(plant: Plant, axis: str, middle: Mapping[str, float]) -> tuple[float
     up, down = plant.friction_levels(jnp.zeros(()), q, rest, rest)
     site = "cart" if axis == "x" else "hoist"
     share = sum(float(e.share) for e in plant.all(LoadDependentFriction, site))
-    hidden = sum(float(e.level) for e in plant.all(PreslidingFriction) if axis == "x")
+    hidden = sum((float(e.level) for e in plant.all(AbstractHysteresis, site)), start=0.0)
     bridge = plant.bridge
     gain = float(bridge.cart_gain if axis == "x" else bridge.hoist_gain)
     weight = 0.0 if axis == "x" else float(bridge.load_mass * bridge.gravity)

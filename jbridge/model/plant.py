@@ -26,12 +26,12 @@ from .effects.base import (
     AbstractEffect,
     AbstractForce,
     AbstractFriction,
+    AbstractHysteresis,
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
 from .effects.drives import ActuatorLag, DrumRadiusChange
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
-from .effects.friction import PreslidingFriction
 
 E = TypeVar("E", bound=AbstractEffect)
 T = TypeVar("T")
@@ -118,6 +118,13 @@ class Plant(eqx.Module):
         return belt if belt is not None else play
 
     @property
+    def hysteresis(self) -> AbstractHysteresis | None:
+        kinds = list(dict.fromkeys(effect.kind for effect in self.all(AbstractHysteresis)))
+        if len(kinds) > 1:
+            raise ValueError(f"{' and '.join(kinds)} both hold the cart with a hidden spring: keep one of them")
+        return self.only(AbstractHysteresis)
+
+    @property
     def mechanisms(self) -> tuple[AbstractMechanism, ...]:
         return tuple(self.all(AbstractMechanism))
 
@@ -128,7 +135,7 @@ class Plant(eqx.Module):
             "motor": self.drive_train,
             "loaded": self.only(RopeElasticity),
             "phi": self.only(DoublePendulum),
-            "spring": self.only(PreslidingFriction),
+            "spring": self.hysteresis,
         }
         return tuple(name for name, effect in found.items() if effect is not None)
 
@@ -259,7 +266,7 @@ class Plant(eqx.Module):
             t: time from the recording's start [s].
             q, v: positions and velocities.
             volts: inputs behind the drives' chains, in the input's unit.
-            z: relative deflection of a presliding friction, None without one.
+            z: relative deflection of a hysteresis' spring, None without one.
             active: 1 for an axis that moves, 0 for one that is locked or absent.
             first: positions and velocities at the step's beginning, from which friction and contact are judged.
             h: length of the step [s]; the mean friction over it is used.
@@ -285,9 +292,9 @@ class Plant(eqx.Module):
         drive = self.drive_forces(volts, q)
         at_x = drive.x + resistance.x
         at_l = drive.l + resistance.l
-        sliding = self.only(PreslidingFriction)
-        if sliding is not None and z is not None:
-            at_x = at_x - sliding.level * z
+        spring = self.hysteresis
+        if spring is not None and z is not None:
+            at_x = at_x + spring.force(q.at_drives().x, z)
         f_x = force.x - bias.x
         f_psi = force.psi + resistance.psi - bias.psi
         f_l = force.l - bias.l

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Array
 
 from .effects.flexible import BeltCompliance, DoublePendulum, RopeElasticity
-from .effects.friction import PreslidingFriction
 from .plant import Plant
 
 _RIGID = 0.005
@@ -16,7 +15,7 @@ _TURN = 0.42
 _FADE = 1.0
 """Share of its velocity that viscous damping may take from a mass in one step, judged at the step's beginning."""
 _DECIDED, _STABLE = 3, 8
-"""How often a step is halved at most: for a belt or presliding friction, decided in closed form within a step, where a
+"""How often a step is halved at most: for a belt or a hidden spring, decided in closed form within a step, where a
 longer one only blurs what acts beside them; and for what would grow from step to step otherwise."""
 
 
@@ -28,7 +27,7 @@ def longest_step(plant: Plant, rigid: float) -> float:
         rigid: the longest step of a rigid bridge [s]; hidden masses take half of it at most.
     """
     decided, explicit = _needed(plant)
-    hidden = plant.mechanisms or plant.only(PreslidingFriction) is not None
+    hidden = plant.mechanisms or plant.hysteresis is not None
     halvings = max(
         1 if hidden else 0,
         min(_halvings(rigid * decided), _DECIDED),
@@ -55,9 +54,9 @@ def _needed(plant: Plant) -> tuple[float, float]:
     fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / (winch + load if rope is None else winch)))
     if isinstance(train, BeltCompliance):
         decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
-    sliding = plant.only(PreslidingFriction)
-    if sliding is not None:
-        decided = max(decided, _most(sliding.stiffness / motor))
+    spring = plant.hysteresis
+    if spring is not None:
+        decided = max(decided, _most(spring.steepness() / motor))
     if rope is not None:
         ease = 1.0 / winch + 1.0 / load
         squares = _most(rope.stiffness * ease)

@@ -5,6 +5,7 @@ from typing import Any
 
 from .base import AbstractEffect, parameters_of
 from .bodies import RodInertia
+from .cable import CableDrag
 from .drives import (
     ActuatorLag,
     DeadZone,
@@ -53,6 +54,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         FrictionDrift,
         ConstantForce,
         SpringForce,
+        CableDrag,
         PeriodicForce,
         EndStop,
         LoadDrag,

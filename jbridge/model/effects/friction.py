@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._math import decay
@@ -18,7 +19,9 @@ from .base import (
     HOIST,
     SWING,
     AbstractFriction,
+    AbstractHysteresis,
     Alike,
+    Contained,
     Scene,
     Seed,
     interpolate,
@@ -97,6 +100,19 @@ class PositionDependentFriction(AbstractFriction):
     kind: ClassVar[str] = "position_dependent_friction"
     sites: ClassVar[tuple[str, ...]] = (CART, HOIST)
     sentence: ClassVar[str] = "dry friction of the {axis} that changes from place to place"
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "coulomb_friction",
+            lambda own: {"level": np.mean(own["levels"])},
+            lambda law: {"levels": law["level"]},
+        ),
+        # No limit of a map, but a law that a map is easily taken for where each part of the rail has its direction.
+        Contained(
+            "direction_dependent_friction",
+            lambda own: {"positive": np.mean(own["levels"]), "negative": np.mean(own["levels"])},
+            lambda law: {"levels": 0.5 * (law["positive"] + law["negative"])},
+        ),
+    )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
     levels_at: Float[Array, " knot"] = parameter("{force}", "level at each knot", low=0.0, vector=True, key="levels")
     site: str = eqx.field(static=True)
@@ -117,6 +133,18 @@ class PositionDirectionFriction(AbstractFriction):
     kind: ClassVar[str] = "position_direction_friction"
     sites: ClassVar[tuple[str, ...]] = (CART, HOIST)
     sentence: ClassVar[str] = "dry friction of the {axis} that changes from place to place and with direction"
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "coulomb_friction",
+            lambda own: {"level": np.mean([own["positive"], own["negative"]])},
+            lambda law: {"positive": law["level"], "negative": law["level"]},
+        ),
+        Contained(
+            "direction_dependent_friction",
+            lambda own: {"positive": np.mean(own["positive"]), "negative": np.mean(own["negative"])},
+            lambda law: law,
+        ),
+    )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
     positive: Float[Array, " knot"] = parameter("{force}", "level against positive motion", low=0.0, vector=True)
     negative: Float[Array, " knot"] = parameter("{force}", "level against negative motion", low=0.0, vector=True)
@@ -148,6 +176,9 @@ class LoadDependentFriction(AbstractFriction):
     alike: ClassVar[tuple[Alike, ...]] = (
         Alike(SWING, "coulomb_friction", SWING, "swings of small angles with one load", "Wide swings"),
     )
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained("coulomb_friction", lambda own: {"level": own["level"]}, lambda law: {**law, "share": 0.0}),
+    )
     level: Scalar = parameter("{force}", "level without a load", low=0.0)
     share: Scalar = parameter("{force}/N", "growth with the load", low=0.0, high=0.9)
     site: str = eqx.field(static=True)
@@ -161,7 +192,7 @@ class LoadDependentFriction(AbstractFriction):
         return [Seed({}, ("share",) if scene.friction[site] > 0 else ("level", "share"))]
 
 
-class PreslidingFriction(AbstractFriction):
+class PreslidingFriction(AbstractFriction, AbstractHysteresis):
     """Dahl's friction: a hysteretic spring before slip (Dahl 1968).
 
     The spring's relative deflection `z` in [-1, 1] is hidden: `z' = stiffness/level v (1 - z sign(v))`, and the
@@ -178,10 +209,15 @@ class PreslidingFriction(AbstractFriction):
     def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return jnp.zeros_like(v), jnp.zeros_like(v)
 
+    def force(self, q: Scalar, z: Scalar) -> Scalar:
+        return -self.level * z
+
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
-        """`z` after some `way` [m] in one direction, on which alone it depends: exact."""
         target = jnp.where(way < 0, -1.0, 1.0)
         return target - (target - z) * decay(self.stiffness * jnp.abs(way) / jnp.maximum(self.level, 1e-3))
+
+    def steepness(self) -> Scalar:
+        return self.stiffness
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:

@@ -34,6 +34,7 @@ CASES = {
     ("load_dependent_friction", "cart"): {"level": 0.5, "share": 0.1},
     ("load_dependent_friction", "swing"): {"level": 0.001, "share": 0.004},
     ("load_dependent_friction", "hoist"): {"level": 0.3, "share": 0.2},
+    ("cable_drag", "cart"): {"stiffness": 10.0, "rest": 0.4, "level": 2.0, "travel": 0.02},
     ("constant_force", "swing"): {"level": 0.05},
     ("constant_force", "hoist"): {"level": 1.2},
     ("power_law_damping", "swing"): {"coefficient": 0.008, "exponent": 1.7},

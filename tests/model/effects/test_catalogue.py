@@ -11,9 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge._types import AXES
+from jbridge._types import AXES, Axes
 from jbridge.inputs import drive_inputs
-from jbridge.model.effects.base import AXIS_OF_SITE, SITES, Scene, options_of, parameters_of, unit_at
+from jbridge.model.effects.base import (
+    AXIS_OF_SITE,
+    SITES,
+    AbstractFriction,
+    AbstractHysteresis,
+    Scene,
+    options_of,
+    parameters_of,
+    unit_at,
+)
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
 from jbridge.model.plant import Motion
 from jbridge.rollout import MIDPOINT, Motions, readings, rollout
@@ -43,6 +52,7 @@ EXAMPLES = {
     "position_dependent_friction": SHAPE | {"levels": [1.0, 3.0, 2.5]},
     "position_direction_friction": SHAPE | {"positive": [1.0, 3.0, 2.5], "negative": [2.0, 0.5, 4.0]},
     "load_dependent_friction": {"level": 1.2, "share": 0.15},
+    "presliding_friction": {"level": 2.0, "stiffness": 150.0},
     "quadratic_drag": {"coefficient": 7.0},
     "friction_drift": {"level": 2.0, "rate": -0.8},
     "constant_force": {"level": -1.3},
@@ -150,7 +160,7 @@ SENSORS = {
 LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
 """Tested in `test_bodies`."""
-WITH_MEMORY = ("presliding_friction", "input_delay", "actuator_lag", "drum_radius_change")
+WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag", "drum_radius_change")
 """Tested in `test_friction` and `test_rollout`."""
 
 
@@ -321,6 +331,44 @@ def test_all_effects_at_null_are_none():
 
     all_of = everything()
     np.testing.assert_allclose(run(all_of.table.unravel(jnp.asarray(all_of.null))), run(make_plant()), atol=1e-13)
+
+
+def felt(effect, q, v, z) -> list[float]:
+    """Forces of an effect on its own axis, and where its hidden spring goes, at a place with a speed."""
+    now, load, axis = jnp.asarray(1.3), jnp.asarray(4.0), AXIS_OF_SITE[effect.site]
+    if isinstance(effect, AbstractHysteresis):
+        # Without a force the spring does not matter.
+        after = [float(effect.deflection(z, way)) for way in (0.01 * v, -0.03 * v)] if effect.level > 0 else [0.0, 0.0]
+        return [float(effect.force(q, z)), *after]
+    if isinstance(effect, AbstractFriction):
+        return [float(level) for level in effect.levels(now, q, v, load)]
+    places = Axes(*(q if name == axis else jnp.asarray(0.7) for name in AXES))
+    rates = Axes(*(v if name == axis else jnp.asarray(0.2) for name in AXES))
+    return [float(getattr(effect.force(now, places, rates), axis)), 0.0, 0.0]
+
+
+CONTAINED = [
+    pytest.param(cls.kind, part, site, id=f"{cls.kind}>{part.kind}@{site}")
+    for cls in CATALOGUE.values()
+    for part in cls.contains
+    for site in cls.sites
+]
+
+
+@pytest.mark.parametrize("kind, part, site", CONTAINED)
+def test_a_law_becomes_what_it_contains(kind, part, site):
+    simple = EXAMPLES[part.kind]
+    if kind == "position_dependent_friction" and part.kind == "direction_dependent_friction":
+        simple = {"positive": 2.0, "negative": 2.0}  # of which a map has but those with one level
+    effect = null_effect(kind, site)
+    infos = parameters_of(type(effect))
+    values = {key: np.array(getattr(effect, info.name)) for key, info in infos.items()}
+    values |= {key: np.full_like(values[key], value) for key, value in part.same(simple).items()}
+    for q, v, z in ((0.3, 0.4, 0.2), (0.55, -0.1, -0.6)):
+        at = jnp.asarray(q), jnp.asarray(v), jnp.asarray(z)
+        own, theirs = felt(make_effect(kind, site, values), *at), felt(make_effect(part.kind, site, simple), *at)
+        np.testing.assert_allclose(own, theirs, rtol=1e-12)
+    assert dict(part.simpler(values)) == pytest.approx(simple)
 
 
 SCENE = Scene(

@@ -159,9 +159,12 @@ MECHANISMS = {
         ("rope_elasticity", "hoist", {"stiffness": 200.0, "damping": 0.5}),
         ("double_pendulum", "swing", {"hook_mass": 0.05, "link": 0.12, "damping": 1e-3}),
     ],
-    "play": [("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1})],
+    "play": [
+        ("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1}),
+        ("cable_drag", "cart", {"stiffness": 5.0, "rest": 0.2, "level": 2.0, "travel": 0.01}),
+    ],
 }
-HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0.05]}
+HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0.05, 0.3]}
 
 
 @pytest.mark.slow
