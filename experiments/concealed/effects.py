@@ -189,6 +189,10 @@ def _constant_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
     return law
 
 
+def _rail_inclination(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    return lambda t, q, v, forces: at.push_cart(interpolate(at.cart(q), e["knots"], e["forces"]), forces)
+
+
 def _spring_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
     return lambda t, q, v, forces: at.push_cart(-e["stiffness"] * (at.cart(q) - e["rest"]), forces)
 
@@ -228,6 +232,7 @@ FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "cable_drag": _cable_drag,
     "quadratic_drag": _quadratic_drag,
     "constant_force": _constant_force,
+    "rail_inclination": _rail_inclination,
     "spring_force": _spring_force,
     "periodic_force": _periodic_force,
     "end_stop": _end_stop,

@@ -44,6 +44,12 @@ def _lookup(d: Draw, s: float) -> dict:
     return {"knots": RAIL[5], "positive": both[:5], "negative": both[5:]}
 
 
+def _rail(d: Draw, s: float) -> dict:
+    """Forces about a mean of 0, since a constant one would be a `constant_force`."""
+    levels = np.array(d.profile(6, 0.4, s))
+    return {"knots": RAIL[6], "forces": [round(float(level), 4) for level in levels - levels.mean()]}
+
+
 def _wind(d: Draw, s: float) -> dict:
     start = d.u(3.0, 5.0)
     return {"force": s * d.sign() * d.u(0.008, 0.02), "start": start, "stop": round(start + d.u(3.0, 6.0), 3)}
@@ -71,6 +77,7 @@ KINDS = {
     ("quadratic_drag", "cart"): lambda d, s: {"coefficient": s * d.u(2.0, 4.0)},
     ("friction_drift", "cart"): lambda d, s: {"level": 0.0, "rate": s * d.u(0.01, 0.02)},
     ("constant_force", "cart"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.2)},
+    ("rail_inclination", "cart"): _rail,
     ("spring_force", "cart"): lambda d, s: {"stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0)},
     ("cable_drag", "cart"): lambda d, s: {
         "stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0), "level": s * d.u(0.1, 0.2), "travel": d.u(0.02, 0.08)},
@@ -105,6 +112,10 @@ KINDS = {
     ("actuator_lag", "cart_drive"): lambda d, s: {"time_constant": s * d.u(0.015, 0.03)},
     ("gain_asymmetry", "cart_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.01, 0.02)},
     ("gain_drift", "cart_drive"): lambda d, s: {"rate": s * d.sign() * d.u(0.001, 0.002)},
+    ("torque_ripple", "cart_drive"): lambda d, s: {
+        "amplitude": s * d.u(0.03, 0.06), "period": d.u(0.06, 0.15), "phase": d.u(-3.0, 3.0)},
+    ("torque_ripple", "hoist_drive"): lambda d, s: {
+        "amplitude": s * d.u(0.05, 0.1), "period": d.u(0.06, 0.12), "phase": d.u(-3.0, 3.0)},
     ("saturation", "hoist_drive"): lambda d, s: {"limit": d.u(4.6, 5.2)},
     ("input_delay", "hoist_drive"): lambda d, s: {"delay": d.steps(0.015, 0.03, s)},
     ("gain_asymmetry", "hoist_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.02, 0.04)},

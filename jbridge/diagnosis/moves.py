@@ -14,9 +14,9 @@ from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import PART_OF
 from ..identification.solver import Point, Start
+from ..model.bridge import Bridge
 from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
-from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from .candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
 from .criteria import CRITERIA
@@ -246,8 +246,8 @@ def _without(
 
 
 def _levels(now: Structure, name: Name) -> dict[str, NDArray[np.float64]] | None:
-    """Levels of a map of friction, by key; None where an effect is none."""
-    if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
+    """Values of a law by place at its knots, by key; None where an effect is none."""
+    if "knots" not in parameters_of(CATALOGUE.get(name[0], Bridge)):
         return None
     table = now.space.table
     return {key: now.point.vector[table.positions(f"{name[0]}@{name[1]}.{key}")] for key in now.keys[name]}
@@ -271,21 +271,20 @@ def simplifications(problem: Problem, base: Structure, now: Structure) -> list[M
         for part in CATALOGUE[name[0]].contains if name[0] in CATALOGUE else ():
             if (part.kind, name[1]) in present:
                 continue
-            law = part.simpler(_values(now, name))
-            same = part.same(law)
-            held = {
-                p: float(same[key])
-                for key in now.keys[name]
-                if key in same
-                for p in now.space.table.positions(f"{name[0]}@{name[1]}.{key}")
-            }
+            own = _values(now, name)
+            law = part.simpler(own)
+            held: dict[int, float] = {}
+            for key, value in part.same(law, own).items():
+                if key in now.keys[name]:
+                    at = now.space.table.positions(f"{name[0]}@{name[1]}.{key}")
+                    held |= dict(zip(at, np.broadcast_to(value, len(at)).tolist(), strict=True))
             if _may_pay(problem, now, held):
                 out.append(_without(problem, base, now, name, make_effect(part.kind, name[1], law), tuple(law)))
     return out
 
 
 def refinements(problem: Problem, base: Structure, now: Structure, others: Sequence[Move]) -> list[Move]:
-    """Each map of friction with one place more between each two, from the same law, if it may compete with others."""
+    """Each law by place with one place more between each two, from the same law, if it may compete with others."""
     out = []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     for name in now.names:
@@ -410,7 +409,8 @@ def _taking_place(now: Structure, seed: Candidate, gone: Name) -> Candidate:
     """A seed of a law that contains an added one, with that one's numbers; what the added one lacks is the seed's."""
     [part] = [part for part in CATALOGUE[seed.kind].contains if part.kind == gone[0]]
     infos = parameters_of(CATALOGUE[seed.kind])
-    same = {key: value for key, value in part.same(_values(now, gone)).items() if value != infos[key].null}
+    same = part.same(_values(now, gone), seed.values)
+    same = {key: value for key, value in same.items() if np.any(value != infos[key].null)}
     return dataclasses.replace(seed, values={**seed.values, **same})
 
 

@@ -30,7 +30,7 @@ from .effects.base import (
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
-from .effects.drives import ActuatorLag, DrumRadiusChange
+from .effects.drives import ActuatorLag, DrumRadiusChange, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
 
 E = TypeVar("E", bound=AbstractEffect)
@@ -141,9 +141,17 @@ class Plant(eqx.Module):
 
     def drive_forces(self, volts: Axes, q: Motion) -> Axes:
         """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored."""
-        del q
         zero = jnp.zeros_like(volts.x)
-        return Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
+        force = Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
+        for effect in self.all(TorqueRipple):
+            axis = AXIS_OF_SITE[effect.site]
+            place = getattr(q.at_drives(), axis)
+
+            def rippled(force: Scalar, effect: TorqueRipple = effect, place: Scalar = place) -> Scalar:
+                return force * effect.gain(place)
+
+            force = force._replace(**{axis: self.after(rippled, getattr(force, axis), effect)})
+        return force
 
     def drum_gain(self, length: Scalar) -> Scalar:
         """Relative gain of the winch at a rope length [m]."""

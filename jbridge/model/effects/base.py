@@ -205,8 +205,8 @@ class Contained:
     kind: str
     simpler: Callable[[Values], Values]
     """The simpler law's estimated numbers, from the effect's."""
-    same: Callable[[Values], Values]
-    """Numbers of the effect at which it is the simpler law, from that law's; a vector is given by its one value."""
+    same: Callable[[Values, Values], Values]
+    """Numbers of the effect at which it is the simpler law, from that law's and its own; one for all of a vector."""
 
 
 class AbstractEffect(eqx.Module):
@@ -343,6 +343,10 @@ def waves(span: float, least: int, count: int) -> list[Seed]:
         )
         for halves in range(least, least + count)
     ]
+
+
+MAP_KNOTS = 8
+"""Places of a law that is piecewise linear along an axis."""
 
 
 def uniform_knots(scene: Scene, axis: str, count: int) -> list[float]:

@@ -43,8 +43,8 @@ class RodInertia(AbstractBody):
     With `s = centre`, `S = mass s` and `I = mass s^2 + inertia` the rod adds `mass`, `S cos psi` and `I` to the cart's,
     the coupling and the swing's entry of the inertia matrix, `-S psi'^2 sin psi` to the cart's and `S g sin psi` to the
     swing's equation, and nothing to the hoist's: winch and load move along the rod (Lagrange's equations of a compound
-    pendulum on a cart; Khalil and Dombre, Modeling, Identification and Control of Robots, 2002, chapter 9, on the
-    inertial parameters of a link that a motion determines).
+    pendulum on a cart; Khalil and Dombre, Modeling, Identification and Control of Robots, 2002, on the inertial
+    parameters of a link that a motion determines).
 
     A free swing at one rope length `l` determines the equivalent length `(m2 l^2 + I) / (m2 l + S)` alone, as a wrong
     rope length would. A driven cart determines the first moment over the moved mass, `(m2 l + S) / (m1 + m2 + mass)`,

@@ -28,12 +28,12 @@ class CableDrag(AbstractHysteresis):
         Contained(
             "spring_force",
             lambda own: {"stiffness": own["stiffness"], "rest": own["rest"]},
-            lambda law: {**law, "level": 0.0},
+            lambda law, own: {**law, "level": 0.0},
         ),
         Contained(
             "presliding_friction",
             lambda own: {"level": own["level"], "stiffness": own["level"] / own["travel"]},
-            lambda law: {"stiffness": 0.0, "level": law["level"], "travel": law["level"] / law["stiffness"]},
+            lambda law, own: {"stiffness": 0.0, "level": law["level"], "travel": law["level"] / law["stiffness"]},
         ),
     )
     stiffness: Scalar = parameter("{force}/{position}", "stiffness about the place of rest", low=0.0)

@@ -14,6 +14,7 @@ from .drives import (
     GainDrift,
     InputDelay,
     Saturation,
+    TorqueRipple,
 )
 from .flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
 from .forces import (
@@ -24,6 +25,7 @@ from .forces import (
     PeriodicForce,
     PowerLawDamping,
     QuadraticDrag,
+    RailInclination,
     ResidualForce,
     SpringForce,
     Wind,
@@ -53,6 +55,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         QuadraticDrag,
         FrictionDrift,
         ConstantForce,
+        RailInclination,
         SpringForce,
         CableDrag,
         PeriodicForce,
@@ -73,6 +76,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         GainAsymmetry,
         GainDrift,
         DrumRadiusChange,
+        TorqueRipple,
         SensorOffset,
         SensorScale,
         SensorDelay,

@@ -4,7 +4,9 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from ..._math import sincos
 from ..._types import Axes, Scalar
@@ -12,11 +14,13 @@ from .base import (
     AXIS_OF_SITE,
     CART,
     HOIST,
+    MAP_KNOTS,
     PSI_SENSOR,
     SWING,
     AbstractDamping,
     AbstractForce,
     Alike,
+    Contained,
     Scene,
     Seed,
     interpolate,
@@ -144,6 +148,50 @@ class SpringForce(AbstractForce):
             Seed({"stiffness": 0.0, "rest": scene.low["x"] + share * scene.span("x")}, ("stiffness", "rest"))
             for share in (0.5, 0.0, 1.0)
         ]
+
+
+class RailInclination(AbstractForce):
+    """A force by place, piecewise linear in `q` and constant beyond the ends: a rail that rises and falls.
+
+    A rail that rises by an angle `a` pulls the cart back with `(m1 + m2) g sin a`, the load's weight included, while
+    `psi` is measured from the vertical: by virtual work, moving along the rail lifts both. Beside a `constant_force` of
+    the cart the same offset may stand in either; a search leaves the constant one out.
+    """
+
+    kind: ClassVar[str] = "rail_inclination"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = (
+        "a force on the {axis} that changes from place to place, as on a rail that rises and falls"
+    )
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "constant_force",
+            lambda own: {"level": np.mean(own["forces"])},
+            lambda law, own: {"forces": law["level"]},
+        ),
+        Contained(
+            "spring_force",
+            lambda own: _line(own["knots"], own["forces"]),
+            lambda law, own: {"forces": -law["stiffness"] * (np.asarray(own["knots"]) - law["rest"])},
+        ),
+    )
+    knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
+    forces: Float[Array, " knot"] = parameter("{force}", "force at each knot", vector=True)
+    site: str = eqx.field(static=True, default=CART)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        return _on_axis(self.site, interpolate(self.knots, self.forces, q.x))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"knots": uniform_knots(scene, "x", MAP_KNOTS), "forces": [0.0] * MAP_KNOTS}, ("forces",))]
+
+
+def _line(knots: ArrayLike, forces: ArrayLike) -> dict[str, float]:
+    """Stiffness and rest of the spring that comes nearest to forces at places."""
+    slope, offset = np.polyfit(np.asarray(knots, float), np.asarray(forces, float), 1)
+    steep = slope if abs(slope) > 1e-9 else -1e-9
+    return {"stiffness": -steep, "rest": -offset / steep}
 
 
 class PeriodicForce(AbstractForce):

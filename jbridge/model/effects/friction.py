@@ -17,6 +17,7 @@ from .base import (
     AXIS_OF_SITE,
     CART,
     HOIST,
+    MAP_KNOTS,
     SWING,
     AbstractFriction,
     AbstractHysteresis,
@@ -28,8 +29,6 @@ from .base import (
     parameter,
     uniform_knots,
 )
-
-MAP_KNOTS = 8
 
 
 class CoulombFriction(AbstractFriction):
@@ -104,13 +103,13 @@ class PositionDependentFriction(AbstractFriction):
         Contained(
             "coulomb_friction",
             lambda own: {"level": np.mean(own["levels"])},
-            lambda law: {"levels": law["level"]},
+            lambda law, own: {"levels": law["level"]},
         ),
         # No limit of a map, but a law that a map is easily taken for where each part of the rail has its direction.
         Contained(
             "direction_dependent_friction",
             lambda own: {"positive": np.mean(own["levels"]), "negative": np.mean(own["levels"])},
-            lambda law: {"levels": 0.5 * (law["positive"] + law["negative"])},
+            lambda law, own: {"levels": 0.5 * (law["positive"] + law["negative"])},
         ),
     )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
@@ -137,12 +136,12 @@ class PositionDirectionFriction(AbstractFriction):
         Contained(
             "coulomb_friction",
             lambda own: {"level": np.mean([own["positive"], own["negative"]])},
-            lambda law: {"positive": law["level"], "negative": law["level"]},
+            lambda law, own: {"positive": law["level"], "negative": law["level"]},
         ),
         Contained(
             "direction_dependent_friction",
             lambda own: {"positive": np.mean(own["positive"]), "negative": np.mean(own["negative"])},
-            lambda law: law,
+            lambda law, own: law,
         ),
     )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
@@ -177,7 +176,7 @@ class LoadDependentFriction(AbstractFriction):
         Alike(SWING, "coulomb_friction", SWING, "swings of small angles with one load", "Wide swings"),
     )
     contains: ClassVar[tuple[Contained, ...]] = (
-        Contained("coulomb_friction", lambda own: {"level": own["level"]}, lambda law: {**law, "share": 0.0}),
+        Contained("coulomb_friction", lambda own: {"level": own["level"]}, lambda law, own: {**law, "share": 0.0}),
     )
     level: Scalar = parameter("{force}", "level without a load", low=0.0)
     share: Scalar = parameter("{force}/N", "growth with the load", low=0.0, high=0.9)

@@ -37,6 +37,9 @@ CASES = {
     ("cable_drag", "cart"): {"stiffness": 10.0, "rest": 0.4, "level": 2.0, "travel": 0.02},
     ("constant_force", "swing"): {"level": 0.05},
     ("constant_force", "hoist"): {"level": 1.2},
+    ("torque_ripple", "cart_drive"): {"amplitude": 0.2, "period": 0.09, "phase": 0.7},
+    ("torque_ripple", "hoist_drive"): {"amplitude": 0.3, "period": 0.05, "phase": -1.0},
+    ("rail_inclination", "cart"): {"knots": [0.4, 0.6, 0.8], "forces": [2.0, -1.0, 0.5]},
     ("power_law_damping", "swing"): {"coefficient": 0.008, "exponent": 1.7},
     ("rod_inertia", "swing"): {"mass": 0.2, "centre": 0.3, "inertia": 0.01},
 }

@@ -56,7 +56,9 @@ EXAMPLES = {
     "quadratic_drag": {"coefficient": 7.0},
     "friction_drift": {"level": 2.0, "rate": -0.8},
     "constant_force": {"level": -1.3},
+    "rail_inclination": {"knots": [0.2, 0.35, 0.6], "forces": [0.8, -0.5, 0.2]},
     "spring_force": {"stiffness": 12.0, "rest": 0.1},
+    "torque_ripple": {"amplitude": 0.2, "period": 0.08, "phase": 0.9},
     "periodic_force": {"amplitude": 0.7, "period": 0.13, "phase": 0.4},
     "end_stop": {"position": 0.3, "stiffness": 400.0, "damping": 30.0},
     "load_drag": {"coefficient": 0.2},
@@ -130,6 +132,7 @@ OWN_AXIS = {
     "friction_drift": lambda p, t, q, v, l: -max(p["level"] + p["rate"] * t, 0.0) * np.sign(v),
     "quadratic_drag": lambda p, t, q, v, l: -p["coefficient"] * v * abs(v),
     "constant_force": lambda p, t, q, v, l: p["level"],
+    "rail_inclination": lambda p, t, q, v, l: interp(q, p, "forces"),
     "spring_force": lambda p, t, q, v, l: -p["stiffness"] * (q - p["rest"]),
     "periodic_force": lambda p, t, q, v, l: p["amplitude"] * np.sin(2 * np.pi * q / p["period"] + p["phase"]),
     "end_stop": lambda p, t, q, v, l: stop_force(p, q, v),
@@ -157,6 +160,7 @@ SENSORS = {
     "missed_counts": lambda p, t, q: q(t) + p["jump"] * (t > p["time"]),
     "sensor_eccentricity": lambda p, t, q: q(t) + p["amplitude"] * np.sin(2 * np.pi * q(t) / p["period"] + p["phase"]),
 }
+RIPPLES = ("torque_ripple",)
 LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
 """Tested in `test_bodies`."""
@@ -165,7 +169,7 @@ WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag
 
 
 def test_every_kind_has_its_law():
-    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *LOADED, *BODIES, *WITH_MEMORY, *MECHANISMS]
+    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *RIPPLES, *LOADED, *BODIES, *WITH_MEMORY, *MECHANISMS]
     assert sorted(covered) == sorted(KINDS)
 
 
@@ -233,6 +237,16 @@ def test_forces_on_the_load(kind, site):
     """By virtual work: a force on the load acts on each axis by how that axis moves the load."""
     expected = [EVERY_AXIS[kind](EXAMPLES[kind], t, s[:3], s[3:]) for s, t in zip(STATES, TIMES, strict=True)]
     np.testing.assert_allclose(forces_of(kind, site, EXAMPLES[kind]), expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind, site", places(RIPPLES))
+def test_ripple_of_a_drive(kind, site):
+    """It takes and gives a share of the drive's force, by the drive's own place."""
+    p, i = EXAMPLES[kind], AXES.index(AXIS_OF_SITE[site])
+    thrust = {"cart_drive": NUMBERS["cart_gain"] * 0.7, "hoist_drive": NUMBERS["hoist_gain"] * -0.6}[site]
+    expected = np.zeros((len(STATES), 3))
+    expected[:, i] = thrust * p["amplitude"] * np.sin(2 * np.pi * STATES[:, i] / p["period"] + p["phase"])
+    np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize("kind, site", places(LOADED))
@@ -363,7 +377,7 @@ def test_a_law_becomes_what_it_contains(kind, part, site):
     effect = null_effect(kind, site)
     infos = parameters_of(type(effect))
     values = {key: np.array(getattr(effect, info.name)) for key, info in infos.items()}
-    values |= {key: np.full_like(values[key], value) for key, value in part.same(simple).items()}
+    values |= {key: np.broadcast_to(value, values[key].shape) for key, value in part.same(simple, values).items()}
     for q, v, z in ((0.3, 0.4, 0.2), (0.55, -0.1, -0.6)):
         at = jnp.asarray(q), jnp.asarray(v), jnp.asarray(z)
         own, theirs = felt(make_effect(kind, site, values), *at), felt(make_effect(part.kind, site, simple), *at)
