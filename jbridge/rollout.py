@@ -20,7 +20,7 @@ from .collect import AbstractCollector, Everything
 from .inputs import INSTANT, Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.drives import ActuatorLag
-from .model.effects.flexible import Backlash, DoublePendulum, RopeElasticity
+from .model.effects.flexible import Backlash, DoublePendulum, HoistBacklash
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
 
@@ -80,8 +80,12 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
         apart = folded(initial[k], 0.5 * train.gap) if isinstance(train, Backlash) else initial[k]
         q, v = q._replace(motor=q.x + apart), v._replace(motor=v.x + initial[k + 1])
         k += 2
-    if plant.only(RopeElasticity) is not None:
-        q, v = q._replace(loaded=q.l + plant.stretch() + initial[k]), v._replace(loaded=v.l + initial[k + 1])
+    rope = plant.rope_end
+    if rope is not None:
+        below = plant.stretch() + initial[k]
+        if isinstance(rope, HoistBacklash):
+            below = folded(0.5 * rope.gap + initial[k], 0.5 * rope.gap)
+        q, v = q._replace(loaded=q.l + below), v._replace(loaded=v.l + initial[k + 1])
         k += 2
     if plant.only(DoublePendulum) is not None:
         q, v = q._replace(phi=q.psi + initial[k]), v._replace(phi=v.psi + initial[k + 1])
@@ -369,6 +373,10 @@ def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Mot
         assert motion.motor is not None and rate.motor is not None
         q = q._replace(x=q.x + train.encoder * (motion.motor - q.x))
         v = v._replace(x=v.x + train.encoder * (rate.motor - v.x))
+    play = plant.only(HoistBacklash)
+    if play is not None:
+        q = q._replace(l=q.l + play.encoder * (motion.at_load().l - q.l))
+        v = v._replace(l=v.l + play.encoder * (rate.at_load().l - v.l))
     channels = []
     for axis in ("x", "psi", "l"):
         truth = getattr(q, axis)

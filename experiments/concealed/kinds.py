@@ -107,6 +107,7 @@ KINDS = {
         "level": 0.0, "breakaway": s * d.u(0.5, 1.0), "velocity": d.u(0.02, 0.05)},
     ("constant_force", "hoist"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.3)},
     ("rope_elasticity", "hoist"): lambda d, s: {"stiffness": d.u(80, 140) / s, "damping": d.u(0.3, 0.6)},
+    ("hoist_backlash", "hoist"): lambda d, s: {"gap": s * d.u(2e-3, 5e-3), "motor_mass": d.u(0.04, 0.06)},
     ("saturation", "cart_drive"): lambda d, s: {"limit": d.u(2.2, 2.6)},
     ("input_delay", "cart_drive"): lambda d, s: {"delay": d.steps(0.010, 0.025, s)},
     ("actuator_lag", "cart_drive"): lambda d, s: {"time_constant": s * d.u(0.015, 0.03)},

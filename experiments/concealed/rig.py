@@ -61,6 +61,8 @@ class Rig:
         for e in effects:
             if e["kind"] == "rope_elasticity":  # hanging at rest
                 self.data.qpos[at.stretch] = bridge["load_mass"] * bridge["gravity"] / e["stiffness"]
+            if e["kind"] == "hoist_backlash":
+                self.data.qpos[at.stretch] = e["gap"] / 2
         self.load = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "load")
         self.frictions = self._frictions(effects, truth.get("wander", 0.0), key)
         self.forces = [FORCES[e["kind"]](e, at, DT) for e in effects if e["kind"] in FORCES]
@@ -77,6 +79,8 @@ class Rig:
                 self.drives.append((joint, Drive(bridge[gain], own, column, at, DT)))
         parted = [e for e in effects if e["kind"] in ("belt_compliance", "backlash")]
         self.motor_encoder = bool(parted) and parted[0].get("encoder", "cart") == "motor"
+        winch = [e for e in effects if e["kind"] == "hoist_backlash"]
+        self.drum_encoder = bool(winch) and winch[0].get("encoder", "motor") == "drum"
 
     def _frictions(self, effects: list, share: float, key: np.random.Generator) -> list:
         """Per axis with dry friction: joint, laws, laws that look at other axes or at the load, and what wanders."""
@@ -106,7 +110,7 @@ class Rig:
         return {
             "x": q[at.x] if self.motor_encoder else at.cart(q),
             "psi": q[at.psi] if at.psi >= 0 else 0.0,
-            "l": at.length(q),
+            "l": at.length(q) + (q[at.stretch] if self.drum_encoder else 0.0),
         }
 
     def step(self, number: int, log: list[Vector]) -> None:

@@ -31,7 +31,7 @@ from .effects.base import (
 )
 from .effects.bodies import AbstractBody
 from .effects.drives import ActuatorLag, DrumRadiusChange, TorqueRipple
-from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
+from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 
 E = TypeVar("E", bound=AbstractEffect)
 T = TypeVar("T")
@@ -118,6 +118,16 @@ class Plant(eqx.Module):
         return belt if belt is not None else play
 
     @property
+    def rope_end(self) -> RopeElasticity | HoistBacklash | None:
+        """What parts the load's end of the rope from the winch's motor."""
+        rope, play, train = self.only(RopeElasticity), self.only(HoistBacklash), self.drive_train
+        if rope is not None and play is not None:
+            raise ValueError("rope_elasticity and hoist_backlash both stand between winch and load: keep one of them")
+        if play is not None and train is not None:
+            raise ValueError(f"hoist_backlash and {train.kind} are contacts of two drives at once: keep one of them")
+        return rope if rope is not None else play
+
+    @property
     def hysteresis(self) -> AbstractHysteresis | None:
         kinds = list(dict.fromkeys(effect.kind for effect in self.all(AbstractHysteresis)))
         if len(kinds) > 1:
@@ -133,7 +143,7 @@ class Plant(eqx.Module):
         """Hidden states that follow those of the axes in an initial-state vector, by name and in order."""
         found = {
             "motor": self.drive_train,
-            "loaded": self.only(RopeElasticity),
+            "loaded": self.rope_end,
             "phi": self.only(DoublePendulum),
             "spring": self.hysteresis,
         }
@@ -282,7 +292,7 @@ class Plant(eqx.Module):
             push: forces and friction levels to add.
             lead: the stage's, see `rollout.Method`.
         """
-        train, rope, hook = self.drive_train, self.only(RopeElasticity), self.only(DoublePendulum)
+        train, rope, hook = self.drive_train, self.rope_end, self.only(DoublePendulum)
         b = self.bridge
         load_q, load_v = q.at_load(), v.at_load()
         # A cart alone carries no load.
@@ -290,9 +300,10 @@ class Plant(eqx.Module):
         swing = materialise(sincos(load_q.psi), go)
         m, bias = self.inertia(load_q, load_v, loaded, swing)
         xx = m.xx if train is None else m.xx - train.motor_mass
-        ll = m.ll if rope is None else m.ll - b.winch_mass
+        winch = rope.motor_mass if isinstance(rope, HoistBacklash) else b.winch_mass
+        ll = m.ll if rope is None else m.ll - winch
         m = m._replace(xx=xx, ll=ll)
-        # The rope's far end moves freely where the rope is elastic, even if the winch is locked.
+        # The rope's far end moves freely where it is parted from the winch, even if that is locked.
         block = active if rope is None else active._replace(l=loaded)
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
         if push is not None:
@@ -310,7 +321,7 @@ class Plant(eqx.Module):
             f_x = f_x + at_x
         if rope is None:
             f_l = f_l + at_l
-        else:
+        elif isinstance(rope, RopeElasticity):
             tension = rope.stiffness * (load_q.l - q.l) + rope.damping * (load_v.l - v.l)
             f_l = f_l - tension
             at_l = at_l + tension
@@ -324,12 +335,12 @@ class Plant(eqx.Module):
 
         # Rows of the friction problem: cart (or motor), swing, hoist (or winch).
         w_x = inv.xx if train is None else active.x / train.motor_mass
-        w_l = inv.ll if rope is None else active.l / b.winch_mass
+        w_l = inv.ll if rope is None else active.l / winch
         w_xp = inv.xp if train is None else jnp.zeros_like(inv.xp)
         w_xl = inv.xl if train is None and rope is None else jnp.zeros_like(inv.xl)
         w_pl = inv.pl if rope is None else jnp.zeros_like(inv.pl)
         a_motor = None if train is None else at_x * active.x / train.motor_mass
-        a_winch = None if rope is None else at_l * active.l / b.winch_mass
+        a_winch = None if rope is None else at_l * active.l / winch
         rest = Axes(free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch)
         positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives(), self.loads(load_q, load_v, drive))
         if push is not None:
@@ -340,8 +351,12 @@ class Plant(eqx.Module):
         rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
         moving = first[1].at_drives()
         rows = Rows(rest, w, moving, positive, negative)
-        thrust = None
-        if train is None:
+        thrust, pull = None, None
+        if isinstance(rope, HoistBacklash):
+            ahead, speed = first[0].l - first[0].at_load().l, moving.l - first[1].at_load().l
+            sides = Sides(ahead, speed, rest.l - free.l, (inv.xl, inv.pl, -w_l), w_l + inv.ll + _TINY)
+            f, pull = through_play(rows, sides, rope.gap, rubbing, h, lead, go)
+        elif train is None:
             f = friction(rows, rubbing, h, go)
         else:
             u = (-w_x, inv.xp, inv.xl if rope is None else jnp.zeros_like(inv.xl))
@@ -358,6 +373,10 @@ class Plant(eqx.Module):
             assert a_motor is not None
             f_block = f_block._replace(x=f_block.x + thrust)
             a_motor = a_motor - thrust * w_x
+        if pull is not None:
+            assert a_winch is not None
+            f_block = f_block._replace(l=f_block.l + pull)
+            a_winch = a_winch - pull * w_l
         change = inv @ f_block
         a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
         if to_phi is not None and a_phi is not None:
@@ -373,7 +392,7 @@ class Plant(eqx.Module):
 
 
 _TINY = 1e-30
-"""Keeps finite the thrust on a cart that is fixed."""
+"""Keeps finite the thrust on a cart, or the pull on a load, that is fixed."""
 
 
 def _with_hook(

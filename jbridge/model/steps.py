@@ -5,7 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Array
 
-from .effects.flexible import BeltCompliance, DoublePendulum, RopeElasticity
+from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
 _RIGID = 0.005
@@ -48,10 +48,12 @@ def _halvings(pace: float) -> int:
 def _needed(plant: Plant) -> tuple[float, float]:
     """Steps per second: for what is decided within a step, and for what is not."""
     b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
+    play = plant.only(HoistBacklash)
     cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
+    moved = winch if rope is not None else winch + load if play is None else np.asarray(play.motor_mass)
     motor = cart if train is None else np.asarray(train.motor_mass)
     decided = squares = 0.0
-    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / (winch + load if rope is None else winch)))
+    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / moved))
     if isinstance(train, BeltCompliance):
         decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
     spring = plant.hysteresis

@@ -16,7 +16,7 @@ from .drives import (
     Saturation,
     TorqueRipple,
 )
-from .flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
+from .flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .forces import (
     ConstantForce,
     EndStop,
@@ -69,6 +69,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         DoublePendulum,
         BeltCompliance,
         Backlash,
+        HoistBacklash,
         DeadZone,
         Saturation,
         InputDelay,

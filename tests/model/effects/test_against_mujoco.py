@@ -90,3 +90,22 @@ def test_an_effect_against_the_rig(kind, site):
 
 def test_a_pivot_with_dry_friction_a_power_law_and_out_of_balance():
     compared(("coulomb_friction", "swing"), ("power_law_damping", "swing"), ("constant_force", "swing"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoder", ["motor", "drum"])
+def test_a_play_at_the_winch_against_the_rig(encoder):
+    """On all axes, with inputs that open the play; the rig's contacts take two of its steps and give by 10 um."""
+    play = {"gap": 4e-3, "motor_mass": 0.06, "encoder": encoder}
+    volts = np.column_stack([VOLTS[:, 0], -0.45 + 1.5 * np.sign(np.sin(9.0 * TIMES))])
+    lane = make_lane(volts[:-1], rig.SAMPLE)
+    plant = make_plant(("hoist_backlash", "hoist", play))
+    motions = jax.jit(lambda plant: rollout(plant, make_state(**START), lane, substeps=2, method=RK4))(plant)
+    truth = {"bridge": NUMBERS, "effects": [], "parts": "full", "rope": "winch"}
+    truth["effects"] = [{"kind": "hoist_backlash", "site": "hoist", **play}]
+    columns = rig.simulate(truth, volts, SECONDS, 0, START, noisy=False)
+    theirs = np.stack([columns[name] for name in ("x", "psi", "l")], axis=1)
+    apart = np.asarray(motions.q.loaded - motions.q.l)
+    assert apart.min() < 0.0 < 0.0019 < apart.max(), "the play opens and closes"
+    difference = np.abs(np.asarray(readings(plant, lane, motions)) - theirs).max(axis=0)
+    assert np.all(difference < [2e-5, 5e-4, 2e-4]), difference

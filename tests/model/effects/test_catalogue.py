@@ -40,7 +40,7 @@ from tests.problems import (
     null_effect,
 )
 
-MECHANISMS = ("rope_elasticity", "double_pendulum", "belt_compliance", "backlash")
+MECHANISMS = ("rope_elasticity", "double_pendulum", "belt_compliance", "backlash", "hoist_backlash")
 """Tested in `test_flexible`."""
 
 SHAPE = {"knots": [0.2, 0.35, 0.6]}

@@ -1,7 +1,7 @@
 """Derivatives of readings: forward and reverse mode against central differences, for every parameter there is.
 
 The run is short, smooth at its samples, and moves every axis; no axis stops, and no knot is met to within the
-differences' width. Three programs serve all effects but the mechanisms, which share one plant, or, for a play, two.
+differences' width. Three programs serve all effects but the mechanisms, which share three plants.
 """
 
 import functools
@@ -165,12 +165,17 @@ MECHANISMS = {
         ("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1}),
         ("cable_drag", "cart", {"stiffness": 5.0, "rest": 0.2, "level": 2.0, "travel": 0.01}),
     ],
+    "play at the winch": [("hoist_backlash", "hoist", {"gap": 4e-3, "motor_mass": 0.06})],
 }
-HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0.05, 0.3]}
+HIDDEN = {
+    "compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5],
+    "play": [-5e-4, 0.05, 0.3],
+    "play at the winch": [-2e-3, 0.05],
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["compliances", "play"])
+@pytest.mark.parametrize("name", MECHANISMS)
 def test_mechanisms(name):
     plant = make_plant(*MECHANISMS[name])
     table = ParameterTable(plant)
