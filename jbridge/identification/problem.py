@@ -289,6 +289,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         bridge={
             "cart_mass": float(plant.bridge.cart_mass),
             "load_mass": float(plant.bridge.load_mass),
+            "winch_mass": float(plant.bridge.winch_mass),
             "gravity": float(plant.bridge.gravity),
         },
         friction=friction,
