@@ -20,8 +20,8 @@ from .estimation import engine_for
 from .likelihood import Index, index, likelihood
 from .problem import Setting, resolve, setting_of
 from .result import Errors
-from .sensitivity import Engine, Job, Sensitivity
-from .solver import Start, evaluate, residuals, solve
+from .sensitivity import STATES, Engine, Job, Sensitivity
+from .solver import Start, residual, solve, squares
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 """Horizons of a report [s]."""
@@ -30,6 +30,9 @@ WINDOW = 2.0
 _BEFORE = 0.5
 """Time that an initial state is estimated from [s]."""
 _ITERATIONS = 5
+_TOLERANCE = 1e-2
+"""Most iterations of that, and gain [nat] with which it ends: an initial state then is off by a tenth of its standard
+deviation at most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,9 +130,11 @@ class Judge:
 
     setting: Setting
     starts: Data
-    """The stretches that initial states are estimated from,"""
+    """The stretches that initial states are estimated from; each serves all windows that begin half a second later,"""
     data: Data
-    """and the windows that begin there, whose errors count after them."""
+    """and the windows, which are simulated from there; their errors count from their own beginning."""
+    places: tuple[NDArray[np.int64], ...]
+    """Which of the stretches each window is simulated from, by tiling, over all tilings of `starts`."""
 
     def evaluate(self, plant: Plant, like: Engine | None = None) -> Evaluation:
         """Errors of a model.
@@ -149,14 +154,13 @@ class Judge:
 
     def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
         """Errors of a model, by its engine and parameters."""
-        start = self.start(engine, vector)
-        windows = index(self.data)
-        counted = likelihood(self.data, windows, [self.data.y[t.recording] for t in self.data.tilings])
-        [run] = evaluate(engine, self.data, windows, counted, [start])
-        every = residuals(engine, self.data, start)
-        left = tuple(_counted(own, t) for own, t in zip(every, self.data.tilings, strict=True))
-        free, undetermined = tuple(self.free_runs(engine, start)), self._undetermined(engine, start)
-        return Evaluation(self.data, windows, run.square, free, left, undetermined)
+        data, jobs = self.data, self._jobs(self.start(engine, vector))
+        predicted = engine.predict(jobs)
+        square = np.concatenate([squares(data, k, found) for k, found in enumerate(predicted)])
+        left = [_counted(residual(data, k, predicted[k]), t) for k, t in enumerate(data.tilings)]
+        whole = {t.recording: found for t, found in zip(data.tilings, predicted, strict=True) if math.isinf(t.horizon)}
+        free = tuple(whole[r] for r in range(len(data.grids)))
+        return Evaluation(data, index(data), square, free, tuple(left), self._undetermined(engine, jobs))
 
     def start(self, engine: Engine, vector: NDArray[np.float64]) -> Start:
         """A model with the initial state of each window, estimated from the half second before it.
@@ -167,17 +171,24 @@ class Judge:
         found = index(self.starts)
         criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
-        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
-        return point.start
+        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=_TOLERANCE)
+        every = np.concatenate(point.states)
+        return dataclasses.replace(point.start, states=tuple(every[own] for own in self.places))
 
-    def _undetermined(self, engine: Engine, start: Start) -> NDArray[np.float64]:
+    def _jobs(self, start: Start) -> list[Job]:
+        """Simulations of all windows."""
+        tilings = self.data.tilings
+        return [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
+
+    def _undetermined(self, engine: Engine, jobs: Sequence[Job]) -> NDArray[np.float64]:
         """See `Evaluation`; to first order."""
         tilings = self.data.tilings
-        jobs = [Job(start.vector, t.recording, t.begins, start.states[k]) for k, t in enumerate(tilings)]
+        precisions = np.concatenate([t.precision for t in self.starts.tilings])
+        lengths = np.concatenate([t.stops - t.begins for t in self.starts.tilings])
         out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
 
         def take(k: int, found: Sensitivity) -> None:
-            own, before = tilings[k], self.starts.tilings[k]
+            own = tilings[k]
             measured = self.data.measured[own.recording]
             noise, early = (
                 np.where(np.isnan(sigma), 1.0, sigma)
@@ -185,15 +196,16 @@ class Judge:
             )
             tangents = np.where(measured, found.tangents, 0.0)
             out[k] = np.zeros((own.windows, 3))
-            for w in range(own.windows):
-                precision = before.precision[w]
+            for w, place in enumerate(self.places[k]):
+                precision = precisions[place]
                 free = np.isfinite(precision)
-                seen = (tangents[free, before.begins[w] : before.stops[w]] / early).reshape(int(free.sum()), -1)
+                told = tangents[free, own.begins[w] : own.begins[w] + lengths[place]]
+                seen = (told / early).reshape(int(free.sum()), -1)
                 told = seen @ seen.T + np.diag(precision[free] ** 2)
                 unit = np.sqrt(np.maximum(np.diag(told), 1e-150))
                 covariance = np.linalg.pinv(told / np.outer(unit, unit), 1e-9, hermitian=True) / np.outer(unit, unit)
                 later = tangents[free, own.count_from[w] : own.stops[w]] / noise
-                total = np.einsum("ink,ij,jnk->k", later, covariance, later, optimize=True)
+                total = np.sum(later * np.tensordot(covariance, later, 1), axis=(0, 1))
                 out[k][w] = total / np.maximum(measured[own.count_from[w] : own.stops[w]].sum(axis=0), 1)
 
         engine.sensitivities(jobs, take)
@@ -201,11 +213,7 @@ class Judge:
 
     def free_runs(self, engine: Engine, start: Start) -> list[NDArray[np.float64]]:
         """Readings of each recording's simulation as a whole, at every sample, `(sample, 3)`."""
-        whole = {t.recording: k for k, t in enumerate(self.data.tilings) if math.isinf(t.horizon)}
-        jobs = [
-            Job(start.vector, r, self.data.tilings[whole[r]].begins, start.states[whole[r]])
-            for r in range(len(self.data.grids))
-        ]
+        jobs = [j for j, t in zip(self._jobs(start), self.data.tilings, strict=True) if math.isinf(t.horizon)]
         return engine.predict(jobs)
 
 
@@ -236,20 +244,33 @@ def make_judge(
     """
     data = make_data(recordings, horizons, noise, samples)
     sigma = deviations(recordings)
-    starts, runs = [], []
-    for own in data.tilings:
-        g = data.grids[own.recording]
-        for begins, counts, stops in _passes(g, own):
+    starts: list[Tiling] = []
+    runs, places = [], []
+    for r, g in enumerate(data.grids):
+        own = [(t, _early(g, t.begins)) for t in data.tilings if t.recording == r]
+        at = np.unique(np.concatenate([[0], *(early for _, early in own)]))
+        until = np.maximum(np.searchsorted(g.times, g.times[at] + _BEFORE - 1e-9), at + 2)
+        until = np.minimum(until, g.intervals + 1)
+        place = np.zeros(g.intervals + 1, np.int64)
+        for chosen in _passes(at, until):
+            begins, stops = at[chosen], until[chosen]
             if begins[0] > 0:
                 # What is hidden where the first window begins follows from the simulation of what came before.
-                ahead = int(begins[0])
-                begins, counts, stops = np.r_[0, begins], np.r_[ahead, counts], np.r_[ahead, stops]
-            until = np.searchsorted(g.times, g.times[begins] + _BEFORE - 1e-9)
-            until = np.minimum(np.maximum(until, begins + 2), stops)
-            first = tiling(g, own.recording, own.horizon, begins, until, sigma[own.recording])
-            starts.append(first)
-            runs.append(dataclasses.replace(first, stops=stops, count_from=counts))
-    return Judge(setting, dataclasses.replace(data, noise=sigma, tilings=tuple(starts)), data.with_tilings(runs))
+                begins, stops = np.r_[0, begins], np.r_[min(until[0], begins[0]), stops]
+            first = sum(t.windows for t in starts) + len(begins) - len(chosen)
+            place[at[chosen]] = first + np.arange(len(chosen))
+            starts.append(tiling(g, r, WHOLE, begins, stops, sigma[r]))
+        for t, early in own:
+            for chosen in _passes(early, t.stops):
+                begins, counts, stops = early[chosen], t.begins[chosen], t.stops[chosen]
+                if begins[0] > 0:
+                    ahead = int(begins[0])
+                    begins, counts, stops = np.r_[0, begins], np.r_[ahead, counts], np.r_[ahead, stops]
+                none = np.zeros((len(begins), STATES))
+                runs.append(Tiling(r, t.horizon, begins, stops, none, none, counts))
+                places.append(place[begins])
+    starting = dataclasses.replace(data, noise=sigma, tilings=tuple(starts))
+    return Judge(setting, starting, data.with_tilings(runs), tuple(places))
 
 
 def free_run(plant: Plant, recording: Recording) -> NDArray[np.float64]:
@@ -278,19 +299,23 @@ def free_run(plant: Plant, recording: Recording) -> NDArray[np.float64]:
     return found[np.searchsorted(times, recording.times - recording.start)]
 
 
-def _passes(g: Grid, own: Tiling) -> list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
-    """Windows that begin half a second early, so many at a time that none reaches into another."""
-    early = np.searchsorted(g.times, g.times[np.minimum(own.begins, g.intervals)] - _BEFORE + 1e-9)
+def _early(g: Grid, begins: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The measured samples half a second before windows begin, or the first."""
+    early = np.searchsorted(g.times, g.times[np.minimum(begins, g.intervals)] - _BEFORE + 1e-9)
     rows = np.flatnonzero(g.measured.any(axis=1))
     early = rows[np.minimum(np.searchsorted(rows, early), len(rows) - 1)]
-    early = np.minimum(early, own.begins)
-    waiting, out = list(range(own.windows)), []
+    return np.minimum(early, begins)
+
+
+def _passes(begins: NDArray[np.int64], stops: NDArray[np.int64]) -> list[list[int]]:
+    """Stretches by number, so many at a time that none reaches into another."""
+    waiting, out = list(range(len(begins))), []
     while waiting:
         chosen: list[int] = []
         for w in waiting:
-            if not chosen or early[w] >= own.stops[chosen[-1]]:
+            if not chosen or begins[w] >= stops[chosen[-1]]:
                 chosen.append(w)
-        out.append((early[chosen], own.begins[chosen], own.stops[chosen]))
+        out.append(chosen)
         waiting = [w for w in waiting if w not in chosen]
     return out
 

@@ -147,7 +147,7 @@ def evaluate(
     out, count = [], len(data.tilings)
     for i, start in enumerate(starts):
         square = np.concatenate(
-            [_squares(data, k, predicted[i * count + k]) for k in range(count)] or [np.zeros((0, 3))]
+            [squares(data, k, predicted[i * count + k]) for k in range(count)] or [np.zeros((0, 3))]
         )
         out.append(Point(start.vector, start.free, start.states, square, likelihood.value(square)))
     return out
@@ -156,19 +156,19 @@ def evaluate(
 def residuals(engine: Engine, data: Data, start: Start | Point) -> list[NDArray[np.float64]]:
     """What a simulation leaves over the noise, by tiling `(sample, 3)`; 0 where nothing is measured."""
     jobs = [Job(start.vector, t.recording, t.begins, start.states[k]) for k, t in enumerate(data.tilings)]
-    return [_residual(data, k, found) for k, found in enumerate(engine.predict(jobs))]
+    return [residual(data, k, found) for k, found in enumerate(engine.predict(jobs))]
 
 
-def _residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+def residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     r = data.tilings[tiling].recording
     return np.where(data.measured[r], (predicted - data.y[r]) / data.noise[r], 0.0)
 
 
-def _squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+def squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean square error of each window over the noise's variance, `(window, 3)`."""
     t = data.tilings[tiling]
     measured = data.measured[t.recording]
-    square = _residual(data, tiling, predicted) ** 2
+    square = residual(data, tiling, predicted) ** 2
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(square, axis=0)])
     counts = np.concatenate([np.zeros((1, 3)), np.cumsum(measured, axis=0)])
     number = counts[t.stops] - counts[t.count_from]
