@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..identification.problem import Setting
 from ..model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed, options_of
-from ..model.effects.catalogue import CATALOGUE
+from ..model.effects.catalogue import CATALOGUE, make_effect
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 
@@ -25,16 +25,6 @@ SITE_OF_NUMBER = {
 
 _ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity", "exponent"})
 """Keys that say when, where or how fast an effect acts."""
-
-
-_EXCLUDES = {
-    "belt_compliance": ("backlash", "hoist_backlash"),
-    "backlash": ("belt_compliance", "hoist_backlash"),
-    "rope_elasticity": ("hoist_backlash",),
-    "hoist_backlash": ("rope_elasticity", "belt_compliance", "backlash"),
-    "cable_drag": ("presliding_friction",),
-}
-"""What a plant has no room for beside an effect that it has."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,19 +93,27 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
         scene: what seeds go by.
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
-    excluded = {kind for effect in plant.effects for kind in _EXCLUDES.get(effect.kind, ())}
     found = []
     for kind, cls in CATALOGUE.items():
         for site in cls.sites:
-            if (kind, site) in present or not _exists(site, setting):
-                continue
-            if kind in excluded:
+            if (kind, site) in present or not _exists(site, setting) or not _has_room(plant, kind, site):
                 continue
             found += [_candidate(kind, site, seed) for seed in cls.seeds(site, scene)]
     for number, site in SITE_OF_NUMBER.items():
         if number in known and AXIS_OF_SITE[site] in setting.axes:
             found.append(Candidate(WRONG_VALUE, number, {}, (number,), False, (number,)))
     return found
+
+
+def _has_room(plant: Plant, kind: str, site: str) -> bool:
+    """Whether a plant can hold an effect, in the place of those that it contains."""
+    parts = {part.kind for part in CATALOGUE[kind].contains}
+    left = tuple(e for e in plant.effects if e.kind not in parts or e.site != site)
+    try:
+        Plant(plant.bridge, (*left, make_effect(kind, site, {}))).check()
+    except ValueError:
+        return False
+    return True
 
 
 def _candidate(kind: str, site: str, seed: Seed) -> Candidate:

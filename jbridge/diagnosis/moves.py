@@ -367,7 +367,7 @@ def with_mechanisms(
         left = tuple(e for e in plant.effects if (e.kind, e.site) not in less)
         own = Plant(plant.bridge, (*left, _effect(seeds[0])))
         try:
-            _ = own.drive_train, own.rope_end, own.hysteresis
+            own.check()
             space = make_space(part, own, known, shared=False)
         except ValueError:
             return None

@@ -30,9 +30,6 @@ WINDOW = 2.0
 _BEFORE = 0.5
 """Time that an initial state is estimated from [s]."""
 _ITERATIONS = 5
-_TOLERANCE = 1e-2
-"""Most iterations of that, and gain [nat] with which it ends: an initial state then is off by a tenth of its standard
-deviation at most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -171,7 +168,7 @@ class Judge:
         found = index(self.starts)
         criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
-        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=_TOLERANCE)
+        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
         every = np.concatenate(point.states)
         return dataclasses.replace(point.start, states=tuple(every[own] for own in self.places))
 
@@ -199,8 +196,8 @@ class Judge:
             for w, place in enumerate(self.places[k]):
                 precision = precisions[place]
                 free = np.isfinite(precision)
-                told = tangents[free, own.begins[w] : own.begins[w] + lengths[place]]
-                seen = (told / early).reshape(int(free.sum()), -1)
+                stretch = tangents[free, own.begins[w] : own.begins[w] + lengths[place]]
+                seen = (stretch / early).reshape(int(free.sum()), -1)
                 told = seen @ seen.T + np.diag(precision[free] ** 2)
                 unit = np.sqrt(np.maximum(np.diag(told), 1e-150))
                 covariance = np.linalg.pinv(told / np.outer(unit, unit), 1e-9, hermitian=True) / np.outer(unit, unit)
@@ -253,19 +250,13 @@ def make_judge(
         until = np.minimum(until, g.intervals + 1)
         place = np.zeros(g.intervals + 1, np.int64)
         for chosen in _passes(at, until):
-            begins, stops = at[chosen], until[chosen]
-            if begins[0] > 0:
-                # What is hidden where the first window begins follows from the simulation of what came before.
-                begins, stops = np.r_[0, begins], np.r_[min(until[0], begins[0]), stops]
+            begins, stops = _from_the_first(at[chosen], until[chosen])
             first = sum(t.windows for t in starts) + len(begins) - len(chosen)
             place[at[chosen]] = first + np.arange(len(chosen))
             starts.append(tiling(g, r, WHOLE, begins, stops, sigma[r]))
         for t, early in own:
             for chosen in _passes(early, t.stops):
-                begins, counts, stops = early[chosen], t.begins[chosen], t.stops[chosen]
-                if begins[0] > 0:
-                    ahead = int(begins[0])
-                    begins, counts, stops = np.r_[0, begins], np.r_[ahead, counts], np.r_[ahead, stops]
+                begins, counts, stops = _from_the_first(early[chosen], t.begins[chosen], t.stops[chosen])
                 none = np.zeros((len(begins), STATES))
                 runs.append(Tiling(r, t.horizon, begins, stops, none, none, counts))
                 places.append(place[begins])
@@ -305,6 +296,14 @@ def _early(g: Grid, begins: NDArray[np.int64]) -> NDArray[np.int64]:
     rows = np.flatnonzero(g.measured.any(axis=1))
     early = rows[np.minimum(np.searchsorted(rows, early), len(rows) - 1)]
     return np.minimum(early, begins)
+
+
+def _from_the_first(begins: NDArray[np.int64], *ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
+    """Windows with one before them from the first sample on, if there is room: what is hidden where the first of them
+    begins follows from the simulation of what came before."""
+    if begins[0] == 0:
+        return begins, *ends
+    return np.r_[0, begins], *(np.r_[begins[0], end] for end in ends)
 
 
 def _passes(begins: NDArray[np.int64], stops: NDArray[np.int64]) -> list[list[int]]:

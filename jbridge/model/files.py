@@ -188,9 +188,7 @@ def _check_vectors(where: Where, values: Mapping[str, Any], infos: Mapping[str, 
 def _check_plant(file: Where, plant: Plant, given: Collection[str]) -> None:
     """Refuses effects that cannot stand together, and parts heavier than their sum."""
     try:
-        _ = plant.drive_train, plant.rope_end, plant.hysteresis
-        for mechanism in plant.mechanisms:
-            plant.only(type(mechanism))
+        plant.check()
     except ValueError as error:
         file.refuse(f"{error}; delete the other [[effect]]")
     parts: list[tuple[type[AbstractEffect], str, str]] = [

@@ -110,6 +110,12 @@ class Plant(eqx.Module):
             raise ValueError(f"a model holds at most one {found[0].kind} at {found[0].site}, and here are {len(found)}")
         return found[0] if found else None
 
+    def check(self) -> None:
+        """Raises ValueError where effects stand together that physics has room for one of."""
+        _ = self.drive_train, self.rope_end, self.hysteresis
+        for mechanism in self.mechanisms:
+            self.only(type(mechanism))
+
     @property
     def drive_train(self) -> BeltCompliance | Backlash | None:
         belt, play = self.only(BeltCompliance), self.only(Backlash)

@@ -22,23 +22,27 @@ FINER = [0.2, 0.35, 0.5, 0.65, 0.8]
 KNOWN = frozenset({"cart_mass", "cart_gain"})
 
 
-@pytest.fixture(scope="module")
-def found():
-    """A problem, its base, and a model with a map beside it; the rig's own friction has twice as many places."""
-    law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 4.0, 3.0]}
-    true = {"knots": FINER, "positive": [3.0, 5.0, 4.0, 6.0, 5.0], "negative": [5.0, 3.0, 4.0, 2.0, 3.0]}
-    plants = [make_plant(), make_plant((*NAME, law))]
+def make_case(true, name, values, free):
+    """A problem of one recording, its base, and a model with one effect beside it."""
+    plants = [make_plant(), make_plant((*name, values))]
     inputs = np.stack([steps(400, 1), np.zeros(400)], axis=1)
-    run = play(make_plant((*NAME, true)), inputs, start={"x": 0.5}, seed=1)
+    run = play(make_plant(true), inputs, start={"x": 0.5}, seed=1)
     setting = make_setting(Model(plants[0], KNOWN, frozenset(NUMBERS), {}, "m.toml"), [run], [])
     problem = make_problem(setting, make_data([run], (1.0,)))
     problem, given = fit_structure(problem, plants[0], KNOWN)
     base = base_structure(problem, make_space(problem, plants[0], KNOWN, shared=False), given.point)
     problem, fitted = fit_structure(problem, plants[1], KNOWN)
     space = make_space(problem, plants[1], KNOWN, shared=False)
-    free = {NAME: ("positive", "negative")}
-    structure = Structure(space, (NAME,), free, {NAME: 0.0}, fitted.point, np.zeros(0), np.inf)
+    structure = Structure(space, (name,), {name: free}, {name: 0.0}, fitted.point, np.zeros(0), np.inf)
     return problem, base, weighed(problem, structure)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A map beside the base; the rig's own friction has twice as many places."""
+    law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 4.0, 3.0]}
+    true = {"knots": FINER, "positive": [3.0, 5.0, 4.0, 6.0, 5.0], "negative": [5.0, 3.0, 4.0, 2.0, 3.0]}
+    return make_case((*NAME, true), NAME, law, ("positive", "negative"))
 
 
 def test_a_finer_map_starts_from_the_same_law(found):
@@ -83,21 +87,6 @@ def test_levels_beside_a_plain_friction_are_told_from_it(found):
     assert set(free) - set(after.point.free) == {space.table.positions(names[2])[1]}
 
 
-def cable_problem(true, name, values, free):
-    """A problem of one recording, its base, and a model with one effect beside it."""
-    inputs = np.stack([steps(400, 1), np.zeros(400)], axis=1)
-    run = play(make_plant(true), inputs, start={"x": 0.5}, seed=1)
-    plants = [make_plant(), make_plant((*name, values))]
-    setting = make_setting(Model(plants[0], KNOWN, frozenset(NUMBERS), {}, "m.toml"), [run], [])
-    problem = make_problem(setting, make_data([run], (1.0,)))
-    problem, given = fit_structure(problem, plants[0], KNOWN)
-    base = base_structure(problem, make_space(problem, plants[0], KNOWN, shared=False), given.point)
-    problem, fitted = fit_structure(problem, plants[1], KNOWN)
-    space = make_space(problem, plants[1], KNOWN, shared=False)
-    structure = Structure(space, (name,), {name: free}, {name: 0.0}, fitted.point, np.zeros(0), np.inf)
-    return problem, base, weighed(problem, structure)
-
-
 CHAIN, SPRING = ("cable_drag", "cart"), ("spring_force", "cart")
 CHAIN_KEYS, SPRING_KEYS = ("stiffness", "rest", "level", "travel"), ("stiffness", "rest")
 
@@ -105,7 +94,7 @@ CHAIN_KEYS, SPRING_KEYS = ("stiffness", "rest", "level", "travel"), ("stiffness"
 @pytest.mark.slow
 def test_a_law_takes_the_place_of_one_that_it_contains():
     true = {"stiffness": 8.0, "rest": 0.4, "level": 2.0, "travel": 0.02}
-    problem, _, now = cable_problem((*CHAIN, true), SPRING, {"stiffness": 1.0, "rest": 0.5}, SPRING_KEYS)
+    problem, _, now = make_case((*CHAIN, true), SPRING, {"stiffness": 1.0, "rest": 0.5}, SPRING_KEYS)
     apart = [c for c in proposals(problem.setting, now.plant, KNOWN) if c.name == CHAIN]
     [move] = with_mechanisms(problem, problem, now, apart, {CHAIN: 0.0}, None, math.inf)
     assert move.names == (CHAIN,) and [e.kind for e in move.space.plant.effects] == ["cable_drag"]
@@ -119,7 +108,7 @@ def test_a_law_takes_the_place_of_one_that_it_contains():
 def test_a_cable_without_a_loop_becomes_a_spring():
     true = {"stiffness": 8.0, "rest": 0.4}
     start = {"stiffness": 4.0, "rest": 0.5, "level": 0.2, "travel": 0.05}
-    problem, base, now = cable_problem((*SPRING, true), CHAIN, start, CHAIN_KEYS)
+    problem, base, now = make_case((*SPRING, true), CHAIN, start, CHAIN_KEYS)
     [move] = simplifications(problem, base, now)
     assert move.names == (SPRING,) and move.keys == {SPRING: SPRING_KEYS}
     [point] = problem.solve(move.space.engine, [move.start], 4)
