@@ -104,8 +104,11 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
     excluded = {kind for effect in plant.effects for kind in _EXCLUDES.get(effect.kind, ())}
+    kinds = {effect.kind for effect in plant.effects}
     found = []
     for kind, cls in CATALOGUE.items():
+        if cls.beside and kinds.isdisjoint(cls.beside):
+            continue
         for site in cls.sites:
             if (kind, site) in present or not _exists(site, setting):
                 continue

@@ -242,7 +242,11 @@ def test_known_names(write):
 
 
 def effect(text: str) -> str:
-    return "[bridge]\ncart_mass = 5.5\nload_mass = 0.143\nwinch_mass = 0.1\n\n[[effect]]\n" + text.replace("; ", "\n") + "\n"
+    return (
+        "[bridge]\ncart_mass = 5.5\nload_mass = 0.143\nwinch_mass = 0.1\n\n[[effect]]\n"
+        + text.replace("; ", "\n")
+        + "\n"
+    )
 
 
 def bridge(text: str) -> str:
