@@ -335,10 +335,15 @@ def with_mechanisms(
         by_name.setdefault(candidate.name, []).append(candidate)
 
     def climbed(space: Space, starts: Sequence[Start]) -> tuple[Point, Point]:
-        """The best start fitted to short windows, and from there to the part's."""
+        """All starts fitted to short windows, and the best from there to the part's.
+
+        A stiff spring leaves less than a soft one before either is fitted, and moves slowly to where the soft one is
+        at once.
+        """
         short = [Start(s.vector, s.free, problem.states_of(s.states, low)) for s in starts]
-        which = int(np.argmin([p.value for p in low.evaluate(space.engine, short)]))
-        [first] = low.solve(space.engine, [short[which]], _TRIAL + 1)
+        fitted = low.solve(space.engine, short, _TRIAL + 1)
+        which = int(np.argmin([p.value for p in fitted]))
+        first = fitted[which]
         begun = Start(starts[which].vector, starts[which].free, problem.states_of(starts[which].states, part))
         after = Start(first.vector, first.free, part.states_with(begun.states, low, first.states))
         [fit] = part.solve(space.engine, _better(part, space, [begun], [after]), _TRIAL)

@@ -10,8 +10,8 @@ from .effects.drives import BackEmf
 from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
-_RIGID = 0.005
-"""Longest step of a rigid bridge [s]."""
+RIGID = 0.0051
+"""Longest step of a rigid bridge [s]: 5 ms by a clock that is a little slow."""
 _TURN = 0.42
 """Angle [rad] by which hidden masses may go on ringing in one step."""
 _FADE = 1.0
@@ -38,7 +38,7 @@ def longest_step(plant: Plant, rigid: float) -> float:
     return rigid / 2**halvings
 
 
-def substeps(plant: Plant, period: float, rigid: float = _RIGID) -> int:
+def substeps(plant: Plant, period: float, rigid: float = RIGID) -> int:
     """Integration steps in each `period` [s], see `longest_step`."""
     return max(1, math.ceil(period / longest_step(plant, rigid) - 1e-6))
 

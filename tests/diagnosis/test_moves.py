@@ -8,7 +8,7 @@ import pytest
 
 from jbridge.diagnosis.moves import refinements, simplifications, with_mechanisms
 from jbridge.diagnosis.space import make_space, proposals
-from jbridge.diagnosis.structure import Structure, base_structure, weighed
+from jbridge.diagnosis.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting
@@ -63,6 +63,24 @@ def test_a_finer_map_competes_on_its_own_axis_alone(found):
 def test_a_law_that_loses_more_than_a_map_costs_is_not_tried(found):
     problem, base, now = found
     assert now.price < 100.0 and simplifications(problem, base, now) == []
+
+
+def test_levels_beside_a_plain_friction_are_told_from_it(found):
+    """The sums stay; the smallest added level is 0 and no longer estimated."""
+    problem, _, now = found
+    law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 2.0, 3.0]}
+    space = make_space(
+        problem, make_plant(("coulomb_friction", "cart", {"level": 1.5}), (*NAME, law)), KNOWN, shared=False
+    )
+    names = ["coulomb_friction@cart.level", f"{NAME[0]}@cart.positive", f"{NAME[0]}@cart.negative"]
+    free = np.array([p for name in names for p in space.table.positions(name)], np.int64)
+    point = dataclasses.replace(now.point, vector=np.array(space.table.ravel(space.plant), float), free=free)
+    after = with_own_levels(dataclasses.replace(now, space=space, point=point))
+    plain, added = after.plant.effects
+    assert float(plain.level) == 3.5
+    np.testing.assert_allclose(added.positive, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(added.negative, [3.0, 0.0, 1.0])
+    assert set(free) - set(after.point.free) == {space.table.positions(names[2])[1]}
 
 
 def cable_problem(true, name, values, free):
