@@ -19,7 +19,7 @@ from ._types import Axes, Scalar
 from .collect import AbstractCollector, Everything
 from .inputs import INSTANT, Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
-from .model.effects.drives import ActuatorLag
+from .model.effects.drives import LAGS, SpeedDrive
 from .model.effects.flexible import Backlash, DoublePendulum, HoistBacklash
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
@@ -286,7 +286,8 @@ def advance(
     """
     spring = plant.hysteresis
     # In one order in every process, so that compiled programs are found again.
-    lagging = sorted({AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)})
+    lagging = sorted({AXIS_OF_SITE[effect.site] for cls in LAGS for effect in plant.all(cls)})
+    loops = any(plant.all(SpeedDrive))
     most = max(-lead for lead in method.leads)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
@@ -310,10 +311,13 @@ def advance(
         def volts_at(lead: float) -> Axes:
             return Axes(*(held[axis] if lead == 0.0 else held[axis] + lead * ahead[axis] for axis in Axes._fields))
 
+        # Inputs that change evenly and have these means.
+        ends = (volts_at(3.0), volts_at(-3.0)) if loops else None
+
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             begun = (carry.q, carry.v)
             a = _acceleration(
-                plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push, part.lead
+                plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push, part.lead, ends
             )
             a = materialise(a, go)
             z = at.z

@@ -13,6 +13,7 @@ from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AbstractEffect, AbstractMechanism, options_of, parameters_of
 from jbridge.model.effects.cable import CableDrag
 from jbridge.model.effects.catalogue import KINDS, make_effect
+from jbridge.model.effects.drives import SpeedDrive
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
 from jbridge.rollout import readings, rollout
@@ -143,9 +144,9 @@ def null_effect(kind: str, site: str) -> AbstractEffect:
     return make_effect(kind, site, values)
 
 
-_APART = (AbstractMechanism, CableDrag)
+_APART = (AbstractMechanism, CableDrag, SpeedDrive)
 PLACES = [(kind, site) for kind, cls in KINDS.items() for site in cls.sites if not issubclass(cls, _APART)]
-"""Every kind at every site, but for mechanisms, and of two hidden springs but the one."""
+"""Every kind at every site, but for mechanisms and speed loops, and of two hidden springs but the one."""
 
 
 class Everything:

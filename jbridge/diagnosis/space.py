@@ -28,7 +28,8 @@ _APART = (AbstractMechanism, AbstractHysteresis)
 def is_apart(kind: str) -> bool:
     """Whether an effect has a program of its own."""
     cls = CATALOGUE.get(kind)
-    return cls is not None and issubclass(cls, _APART)
+    # What is proposed beside some effects alone would burden all other searches.
+    return cls is not None and (issubclass(cls, _APART) or bool(cls.beside))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -291,6 +291,8 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
             "load_mass": float(plant.bridge.load_mass),
             "winch_mass": float(plant.bridge.winch_mass),
             "gravity": float(plant.bridge.gravity),
+            "cart_gain": float(plant.bridge.cart_gain),
+            "hoist_gain": float(plant.bridge.hoist_gain),
         },
         friction=friction,
     )

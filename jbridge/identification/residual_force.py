@@ -203,7 +203,8 @@ def _left_over(
         m, bias = plant.inertia(q, v, 1.0 if loaded else 0.0)
         needed = m @ a
         force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
-        drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q))
+        drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q), Motion(*v))
+        drive, resistance = plant.looped(drive, resistance, v)
         up, down = plant.friction_levels(t, q, v, plant.loads(q, v, drive))
         rest = Axes(*(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True)))
         return rest, up, down

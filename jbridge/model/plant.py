@@ -3,9 +3,10 @@
 Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
 elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
 masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks, what meets and what rings
-between motor and cart is decided over a whole step (`dry`, `drive_train`).
+between motor and cart is decided over a whole step (`dry`, `drive_train`), and so is a stiff speed loop (`speed_loop`).
 """
 
+import functools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, TypeAlias, TypeVar
 
@@ -22,6 +23,7 @@ from .drive_train import Sides, through_belt, through_play
 from .dry import Rows, friction
 from .effects.base import (
     AXIS_OF_SITE,
+    DRIVE_OF_AXIS,
     AbstractDamping,
     AbstractEffect,
     AbstractForce,
@@ -30,8 +32,9 @@ from .effects.base import (
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
-from .effects.drives import ActuatorLag, DrumRadiusChange, TorqueRipple
+from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
+from .speed_loop import Loop, held
 
 E = TypeVar("E", bound=AbstractEffect)
 T = TypeVar("T")
@@ -155,19 +158,54 @@ class Plant(eqx.Module):
         }
         return tuple(name for name, effect in found.items() if effect is not None)
 
-    def drive_forces(self, volts: Axes, q: Motion) -> Axes:
-        """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored."""
-        zero = jnp.zeros_like(volts.x)
-        force = Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
-        for effect in self.all(TorqueRipple):
-            axis = AXIS_OF_SITE[effect.site]
-            place = getattr(q.at_drives(), axis)
+    def drive_forces(self, volts: Axes, q: Motion, v: Motion) -> Axes:
+        """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored.
 
-            def rippled(force: Scalar, effect: TorqueRipple = effect, place: Scalar = place) -> Scalar:
-                return force * effect.gain(place)
+        Speed loops are not in them: see `SpeedDrive`.
+        """
+        zero, places, speeds = jnp.zeros_like(volts.x), q.at_drives(), v.at_drives()
+        found = {}
+        for axis, gain in (("x", self.bridge.cart_gain), ("l", self.bridge.hoist_gain)):
+            u, place, speed = getattr(volts, axis), getattr(places, axis), getattr(speeds, axis)
+            site = DRIVE_OF_AXIS[axis]
+            for induced in self.all(BackEmf, site):
+                u = self.after(functools.partial(_less, induced, speed), u, induced)
+            force = gain * u
+            for ripple in self.all(TorqueRipple, site):
 
-            force = force._replace(**{axis: self.after(rippled, getattr(force, axis), effect)})
-        return force
+                def rippled(force: Scalar, effect: TorqueRipple = ripple, place: Scalar = place) -> Scalar:
+                    return force * effect.gain(place)
+
+                force = self.after(rippled, force, ripple)
+            for limit in self.all(ForceLimit, site):
+                force = self.after(limit.clipped, force, limit)
+            found[axis] = force
+        return Axes(found["x"], zero, found["l"])
+
+    def speed_loop(self, axis: str) -> SpeedDrive | None:
+        """The drive of an axis that holds a speed, if it has one."""
+        return self.only(SpeedDrive, DRIVE_OF_AXIS[axis]) if axis in DRIVE_OF_AXIS else None
+
+    def drive_rate(self, axis: str, loop: SpeedDrive) -> Scalar:
+        """Force per speed of a speed loop [N s/m]: its share of the axis' damping."""
+        return loop.share * (self.bridge.cart_damping if axis == "x" else self.bridge.hoist_damping)
+
+    def looped(self, drive: Axes, resistance: Axes, v: Axes) -> tuple[Axes, Axes]:
+        """Forces of the drives, and resistances, where speed loops take their share of the damping.
+
+        Args:
+            drive: `drive_forces` [N].
+            resistance: see `smooth_forces` [N, N m, N].
+            v: velocities at the drives.
+        """
+        for axis in DRIVE_OF_AXIS:
+            loop = self.speed_loop(axis)
+            if loop is not None:
+                taken = self.drive_rate(axis, loop) * getattr(v, axis)
+                force = jnp.clip(getattr(drive, axis) - taken, -loop.limit, loop.limit)
+                drive = drive._replace(**{axis: force})
+                resistance = resistance._replace(**{axis: getattr(resistance, axis) + taken})
+        return drive, resistance
 
     def drum_gain(self, length: Scalar) -> Scalar:
         """Relative gain of the winch at a rope length [m]."""
@@ -179,9 +217,10 @@ class Plant(eqx.Module):
     def time_constants(self) -> Axes:
         """Time constants of the drives' lags [s], 0 where there is none."""
         found = {"x": jnp.zeros(()), "l": jnp.zeros(())}
-        for effect in self.all(ActuatorLag):
-            axis = AXIS_OF_SITE[effect.site]
-            found[axis] = found[axis] + effect.time_constant
+        for effect in self.effects:
+            if isinstance(effect, LAGS):
+                axis = AXIS_OF_SITE[effect.site]
+                found[axis] = found[axis] + effect.time_constant
         return Axes(found["x"], jnp.zeros(()), found["l"])
 
     def inertia(
@@ -283,6 +322,7 @@ class Plant(eqx.Module):
         go: Array,
         push: Push | None = None,
         lead: Scalar | float = 0.0,
+        setpoints: tuple[Axes, Axes] | None = None,
     ) -> Motion:
         """Accelerations of all coordinates [m/s^2, rad/s^2].
 
@@ -297,6 +337,7 @@ class Plant(eqx.Module):
             go: true, for `materialise`.
             push: forces and friction levels to add.
             lead: the stage's, see `rollout.Method`.
+            setpoints: `volts` at the step's beginning and end, for speed loops; steady `volts` if None.
         """
         train, rope, hook = self.drive_train, self.rope_end, self.only(DoublePendulum)
         b = self.bridge
@@ -314,9 +355,14 @@ class Plant(eqx.Module):
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
         if push is not None:
             force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))
-        drive = self.drive_forces(volts, q)
-        at_x = drive.x + resistance.x
-        at_l = drive.l + resistance.l
+        wanted = self.drive_forces(volts, q, v)
+        drive, resistance = self.looped(wanted, resistance, v.at_drives())
+        loops = {}
+        if train is None and rope is None and any(self.all(SpeedDrive)):
+            start, end = (volts, volts) if setpoints is None else setpoints
+            loops = self._loops(self.drive_forces(start, q, v), self.drive_forces(end, q, v), first[1].axes)
+        at_x = resistance.x if "x" in loops else drive.x + resistance.x
+        at_l = resistance.l if "l" in loops else drive.l + resistance.l
         spring = self.hysteresis
         if spring is not None and z is not None:
             at_x = at_x + spring.force(q.at_drives().x, z)
@@ -362,6 +408,9 @@ class Plant(eqx.Module):
             ahead, speed = first[0].l - first[0].at_load().l, moving.l - first[1].at_load().l
             sides = Sides(ahead, speed, rest.l - free.l, (inv.xl, inv.pl, -w_l), w_l + inv.ll + _TINY)
             f, pull = through_play(rows, sides, rope.gap, rubbing, h, lead, go)
+        elif loops:
+            f, pulls = held(rows, {Axes._fields.index(a): loop for a, loop in loops.items()}, rubbing, h, lead, go)
+            f = [own + pulls.get(i, 0.0) for i, own in enumerate(f)]
         elif train is None:
             f = friction(rows, rubbing, h, go)
         else:
@@ -395,6 +444,26 @@ class Plant(eqx.Module):
             None if rope is None else a.l,
             a_phi,
         )
+
+    def _loops(self, start: Axes, end: Axes, v: Axes) -> dict[str, Loop]:
+        """Speed loops by axis, as they are solved over a whole step where no contact or belt is.
+
+        Args:
+            start, end: `drive_forces` for the inputs at the step's beginning and end [N].
+            v: velocities at the step's beginning.
+        """
+        found = {}
+        for axis in DRIVE_OF_AXIS:
+            loop = self.speed_loop(axis)
+            if loop is not None:
+                rate, force = self.drive_rate(axis, loop), getattr(start, axis)
+                gained = getattr(end, axis) - force
+                found[axis] = Loop(force - rate * getattr(v, axis), gained, rate, loop.limit)
+        return found
+
+
+def _less(effect: BackEmf, speed: Scalar, u: Scalar) -> Scalar:
+    return effect.less(u, speed)
 
 
 _TINY = 1e-30

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from jaxtyping import Array
 
+from .effects.base import DRIVE_OF_AXIS
+from .effects.drives import BackEmf
 from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
@@ -53,7 +55,18 @@ def _needed(plant: Plant) -> tuple[float, float]:
     moved = winch if rope is not None else winch + load if play is None else np.asarray(play.motor_mass)
     motor = cart if train is None else np.asarray(train.motor_mass)
     decided = squares = 0.0
-    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / moved))
+    parted = train is not None or rope is not None or play is not None
+    fading = 0.0
+    for axis, damping, gain, mass in (
+        ("x", b.cart_damping, b.cart_gain, motor),
+        ("l", b.hoist_damping, b.hoist_gain, moved),
+    ):
+        loop = plant.speed_loop(axis)
+        # A speed loop is solved in closed form, unless something parts a drive from its axis.
+        rate = damping if loop is None or parted else (1.0 - loop.share) * damping
+        for induced in plant.all(BackEmf, DRIVE_OF_AXIS[axis]):
+            rate = rate + gain * induced.constant
+        fading = max(fading, _most(rate / mass))
     if isinstance(train, BeltCompliance):
         decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
     spring = plant.hysteresis

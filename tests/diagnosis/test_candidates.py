@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.candidates import WRONG_VALUE, Candidate, candidates
+from jbridge.diagnosis.space import is_apart
 from jbridge.identification.problem import Setting, scene_of
 from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect
@@ -36,7 +37,7 @@ def test_every_known_number_but_gravity_may_be_wrong():
 
 def test_a_whole_bridge_has_a_candidate_for_every_kind_and_site():
     names = {c.name for c in found_for(setting_of(*FULL), make_plant())}
-    wanted = {(kind, site) for kind, cls in CATALOGUE.items() for site in cls.sites}
+    wanted = {(kind, site) for kind, cls in CATALOGUE.items() for site in cls.sites if not cls.beside}
     wanted -= {("sensor_offset", "x_sensor")}  # where x is 0 is a matter of choice
     assert names == wanted | {(WRONG_VALUE, number) for number in ("cart_mass", "load_mass", "winch_mass")}
 
@@ -118,3 +119,12 @@ def test_a_candidate_can_be_put_into_a_model(candidate):
 def test_what_says_how_large_an_explanation_is(kind, site, free, linear, sizes):
     """Neither when a sensor jumped nor where a wave begins tells that it is there."""
     assert Candidate(kind, site, {}, free, not linear, linear).sizes == sizes
+
+
+@pytest.mark.parametrize("kind", [kind for kind, cls in CATALOGUE.items() if cls.beside])
+def test_some_are_proposed_beside_others_alone(kind):
+    """And then in a program of their own, so that searches without these others never compile them."""
+    needed = CATALOGUE[kind].beside[0]
+    plant = make_plant((needed, CATALOGUE[needed].sites[0], {}))
+    assert {c.name for c in found_for(setting_of(*FULL), plant)} >= {(kind, site) for site in CATALOGUE[kind].sites}
+    assert is_apart(kind) and not is_apart("actuator_lag")

@@ -41,6 +41,7 @@ AXIS_OF_SITE = {
     L_SENSOR: "l",
 }
 """The axis, and thereby the equation, that a site belongs to."""
+DRIVE_OF_AXIS = {"x": CART_DRIVE, "l": HOIST_DRIVE}
 
 
 def _as_float(value: Any) -> Array:
@@ -220,6 +221,9 @@ class AbstractEffect(eqx.Module):
     """Explanations that some recordings cannot tell from this one."""
     contains: ClassVar[tuple[Contained, ...]] = ()
     """Simpler laws that may take its place, and whose place it takes."""
+    beside: ClassVar[tuple[str, ...]] = ()
+    """Kinds of which a model must have one for a search to propose this effect: without them it is another law under
+    another name, or asks for recordings that show more. Empty: it is proposed beside everything."""
     site: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:

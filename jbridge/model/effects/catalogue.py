@@ -8,12 +8,15 @@ from .bodies import RodInertia
 from .cable import CableDrag
 from .drives import (
     ActuatorLag,
+    BackEmf,
     DeadZone,
     DrumRadiusChange,
+    ForceLimit,
     GainAsymmetry,
     GainDrift,
     InputDelay,
     Saturation,
+    SpeedDrive,
     TorqueRipple,
 )
 from .flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
@@ -77,6 +80,9 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         GainAsymmetry,
         GainDrift,
         DrumRadiusChange,
+        ForceLimit,
+        BackEmf,
+        SpeedDrive,
         TorqueRipple,
         SensorOffset,
         SensorScale,

@@ -8,14 +8,33 @@ from jaxtyping import Array, Float
 
 from ..._math import sincos
 from ..._types import Scalar
-from .base import AXIS_OF_SITE, CART_DRIVE, HOIST_DRIVE, AbstractDrive, AbstractEffect, Scene, Seed, parameter, waves
+from .base import (
+    AXIS_OF_SITE,
+    CART_DRIVE,
+    HOIST_DRIVE,
+    AbstractDrive,
+    AbstractEffect,
+    Alike,
+    Contained,
+    Scene,
+    Seed,
+    parameter,
+    waves,
+)
 
 _DRIVES = (CART_DRIVE, HOIST_DRIVE)
+UNLIMITED = 1e6
+"""A limit that nothing reaches [N]."""
 
 
 def _largest_input(site: str, scene: Scene) -> float:
     name = f"u_{AXIS_OF_SITE[site]}"
     return max(abs(scene.low[name]), abs(scene.high[name]), 1e-6)
+
+
+def _largest_force(site: str, scene: Scene) -> float:
+    gain = scene.bridge["cart_gain" if site == CART_DRIVE else "hoist_gain"]
+    return max(gain * _largest_input(site, scene), 1e-6)
 
 
 class Saturation(AbstractDrive):
@@ -126,6 +145,127 @@ class ActuatorLag(AbstractEffect):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         return [Seed({"time_constant": value}, ("time_constant",), finite=True) for value in (0.01, 0.04, 0.12)]
+
+
+class ForceLimit(AbstractEffect):
+    """Force of the drive, `K (u - k v)`, clipped to [-limit, limit]: the current that the amplifier can give.
+
+    `saturation` limits the input ahead of dead zone, lag and back-EMF; this one limits what comes out. It is absent at
+    an infinite limit, has a gradient where recordings reach it, and is one with `saturation` at `limit / K` where
+    nothing stands between the two. (Current limits of servo amplifiers: Ellis, Control System Design Guide, 2012,
+    chapter 14.)
+    """
+
+    kind: ClassVar[str] = "force_limit"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a limit of the {axis}'s force, as of an amplifier's current"
+    beside: ClassVar[tuple[str, ...]] = ("actuator_lag", "dead_zone", "back_emf", "torque_ripple")
+    alike: ClassVar[tuple[Alike, ...]] = tuple(
+        Alike(
+            site,
+            "saturation",
+            site,
+            "recordings of a drive without lag, dead zone or back-EMF",
+            "An input that jumps to its limit and back within the drive's lag",
+        )
+        for site in _DRIVES
+    )
+    limit: Scalar = parameter("N", "largest force of the drive", null=UNLIMITED, low=0.0)
+    site: str = eqx.field(static=True)
+
+    def clipped(self, force: Scalar) -> Scalar:
+        """The drive's force [N] behind its limit."""
+        return jnp.clip(force, -self.limit, self.limit)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        largest = _largest_force(site, scene)
+        return [Seed({"limit": share * largest}, ("limit",), finite=True) for share in (0.85, 0.6)]
+
+
+class BackEmf(AbstractEffect):
+    """Force `K (u - constant v)` in place of `K u`: a motor fed with a voltage slows itself down as it turns.
+
+    `K constant` adds to the axis' viscous damping, and only where the drive's force is limited, or its gain `K` is
+    another one in some recording, do the two differ. At `constant = 0` it is absent and has a gradient. (DC motor with
+    a permanent magnet: Krause, Wasynczuk and Sudhoff, Analysis of Electric Machinery, 2002, chapter 2.)
+    """
+
+    kind: ClassVar[str] = "back_emf"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a voltage that the {axis}'s motor induces against its input as it turns"
+    beside: ClassVar[tuple[str, ...]] = ("force_limit",)
+    alike: ClassVar[tuple[Alike, ...]] = tuple(
+        Alike(
+            site,
+            "wrong_value",
+            damping,
+            "recordings with one gain of the drive and no limit of its force",
+            f"A recording that coasts with the motor's circuit open ([override] {gain} = 0 in its sidecar),"
+            " or one in which the drive's force reaches its limit",
+        )
+        for site, damping, gain in (
+            (CART_DRIVE, "cart_damping", "cart_gain"),
+            (HOIST_DRIVE, "hoist_damping", "hoist_gain"),
+        )
+    )
+    constant: Scalar = parameter("{input}/({speed})", "input that is induced at unit speed", low=0.0)
+    site: str = eqx.field(static=True)
+
+    def less(self, u: Scalar, v: Scalar) -> Scalar:
+        """What is left of an input [input unit] at a speed of the motor [m/s]."""
+        return u - self.constant * v
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("constant",))]
+
+
+class SpeedDrive(AbstractEffect):
+    """Speed loop: force `clip(K s - share R v, -limit, limit)`, with the setpoint `time_constant s' = u - s`.
+
+    The axis' gain `K` [N per input] and damping `R` [N s/m] are those of the loop: without a load the drive holds the
+    speed `K/R` per unit of input, and `R` tells how much a force slows it. `share` is the loop's part of the damping;
+    the rest stays a friction that the limit does not cut.
+
+    In the limit of a stiff loop recordings determine `K/R`, `time_constant` and `limit`, and of `R` alone that it is
+    large. The loop is solved over a whole step in closed form (`speed_loop`), so that no stiffness asks for shorter
+    steps; beside a mechanism that parts a drive from its axis it counts as damping does. With an infinite limit it is
+    the viscous axis with an `actuator_lag`, which acts on the setpoint alone, too: new are the limit and the stiff
+    loop. (Cascaded speed loops of servo drives: Ellis, Control System Design Guide, 2012, chapters 14 and 17.)
+    """
+
+    kind: ClassVar[str] = "speed_drive"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a {axis} that holds a speed in proportion to its input, as far as its force goes"
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "actuator_lag",
+            lambda own: {"time_constant": own["time_constant"]},
+            lambda law, own: {"time_constant": law["time_constant"], "limit": UNLIMITED},
+        ),
+    )
+    beside: ClassVar[tuple[str, ...]] = ("actuator_lag",)
+    time_constant: Scalar = parameter("s", "time constant of the setpoint", low=0.0, high=2.0)
+    limit: Scalar = parameter("N", "largest force of the drive", null=UNLIMITED, low=0.0)
+    share: Scalar = parameter(
+        "1", "the loop's share of the damping", null=1.0, low=0.0, high=1.0, fitted=False, default=1.0
+    )
+    site: str = eqx.field(static=True, default=CART_DRIVE)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        largest = _largest_force(site, scene)
+        return [
+            Seed(
+                {"time_constant": 0.04, "limit": share * largest, "share": 1.0}, ("time_constant", "limit"), finite=True
+            )
+            for share in (0.6, 0.25, 0.1)
+        ]
+
+
+LAGS = (ActuatorLag, SpeedDrive)
+"""What delays a drive's input gradually, by its `time_constant`."""
 
 
 class DrumRadiusChange(AbstractEffect):

@@ -73,6 +73,8 @@ EXAMPLES = {
     },
     "dead_zone": {"positive": 0.4, "negative": 0.7},
     "saturation": {"limit": 1.5},
+    "force_limit": {"limit": 1.1},
+    "back_emf": {"constant": 0.8},
     "gain_asymmetry": {"ratio": 0.15},
     "gain_drift": {"rate": -0.02},
     "sensor_offset": {"offset": 0.012},
@@ -161,15 +163,21 @@ SENSORS = {
     "sensor_eccentricity": lambda p, t, q: q(t) + p["amplitude"] * np.sin(2 * np.pi * q(t) / p["period"] + p["phase"]),
 }
 RIPPLES = ("torque_ripple",)
+MOTORS = {
+    # force of the drive at (parameters, its gain, input, speed)
+    "force_limit": lambda p, gain, u, v: np.clip(gain * u, -p["limit"], p["limit"]),
+    "back_emf": lambda p, gain, u, v: gain * (u - p["constant"] * v),
+}
 LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
 """Tested in `test_bodies`."""
-WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag", "drum_radius_change")
-"""Tested in `test_friction` and `test_rollout`."""
+WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag", "drum_radius_change", "speed_drive")
+"""Tested in `test_friction`, `test_rollout` and `test_speed_loop`."""
 
 
 def test_every_kind_has_its_law():
-    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *RIPPLES, *LOADED, *BODIES, *WITH_MEMORY, *MECHANISMS]
+    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *RIPPLES, *MOTORS, *LOADED, *BODIES, *WITH_MEMORY]
+    covered += MECHANISMS
     assert sorted(covered) == sorted(KINDS)
 
 
@@ -246,6 +254,15 @@ def test_ripple_of_a_drive(kind, site):
     thrust = {"cart_drive": NUMBERS["cart_gain"] * 0.7, "hoist_drive": NUMBERS["hoist_gain"] * -0.6}[site]
     expected = np.zeros((len(STATES), 3))
     expected[:, i] = thrust * p["amplitude"] * np.sin(2 * np.pi * STATES[:, i] / p["period"] + p["phase"])
+    np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind, site", places(MOTORS))
+def test_force_of_a_motor(kind, site):
+    p, i = EXAMPLES[kind], AXES.index(AXIS_OF_SITE[site])
+    gain, u = {"cart_drive": (NUMBERS["cart_gain"], 0.7), "hoist_drive": (NUMBERS["hoist_gain"], -0.6)}[site]
+    expected = np.zeros((len(STATES), 3))
+    expected[:, i] = [MOTORS[kind](p, gain, u, state[3 + i]) - gain * u for state in STATES]
     np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
 
 
@@ -366,6 +383,7 @@ CONTAINED = [
     for cls in CATALOGUE.values()
     for part in cls.contains
     for site in cls.sites
+    if not site.endswith("_drive")  # tested in `test_speed_loop`
 ]
 
 
