@@ -147,7 +147,7 @@ def _read_compensation(file: Where, table: Any) -> Compensation | None:
 
 def _read_system(where: Where, table: Mapping[str, Any]) -> Mamdani:
     where.check_keys(table, (*_METHODS, "defuzzifier", "points", "rules", "weights", "input", "output"), "key")
-    norms = {}
+    norms: dict[str, Any] = {}
     for key, choices in _METHODS.items():
         norms[key] = NORMS[word(where, key, table.get(key, choices[0]), choices)]()
     defuzzifier = DEFUZZIFIERS[word(where, "defuzzifier", table.get("defuzzifier", "centroid"), DEFUZZIFIERS)]()

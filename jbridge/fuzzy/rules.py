@@ -16,11 +16,9 @@ from .norms import AbstractNorm, Softness, between
 
 
 def check_labels(name: str, labels: Sequence[str], things: Sequence[object]) -> None:
-    """Raises `ValueError` unless every thing of a variable has a label of its own."""
+    """Raises `ValueError` unless every thing of a variable has a label; several may share one, as in `.fis` files."""
     if len(labels) != len(things):
         raise ValueError(f"{name}: {len(labels)} labels for {len(things)} sets")
-    if len({label.lower() for label in labels}) != len(labels):
-        raise ValueError(f"{name}: two sets of the same name among {', '.join(labels)}")
 
 
 @runtime_checkable
@@ -67,11 +65,10 @@ class Variable(eqx.Module):
         return universe(self.low, self.high, points)
 
     def degrees(self, value: Array, softness: Softness = None) -> list[Array]:
-        """Degree of membership of a value in each set."""
-        inside = self.clip(value)
+        """Degree of membership of a value in each set, also beyond the universe."""
         if self.gathered is not None:
-            return self.gathered.degrees(inside, softness)
-        return [member.degree(inside, softness) for member in self.sets]
+            return self.gathered.degrees(value, softness)
+        return [member.degree(value, softness) for member in self.sets]
 
     def ready(self) -> "Variable":
         """The same variable for use in a loop."""

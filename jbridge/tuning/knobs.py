@@ -188,8 +188,8 @@ class _VariableKnobs:
                 key = self._twin(label)
                 if key not in self._bells:
                     self._bells.append(key)
-        away = np.abs(np.array(corners) - self._origin)
-        away = np.sort(away)
+        # Infinite corners, those of open shoulders, stay where they are.
+        away = np.sort(np.abs(np.array([corner for corner in corners if np.isfinite(corner)]) - self._origin))
         away = away[np.diff(away, prepend=-self._span) > _SAME * self._span]
         inside = (away > _SAME * self._span) & (away < self._end - _SAME * self._span)
         self._points = away[inside]

@@ -91,7 +91,7 @@ def test_what_is_wrong_with_a_controller_is_said(written, change, complaint):
 FIS_ERRORS = [
     (("Type='mamdani'", "Type='magic'"), "line 3: type 'magic' is not supported"),
     (("Range=[-3.0 3.0]", "Range=[3.0 -3.0]"), "a range has a lower and a higher end"),
-    (("'trimf',[", "'zmf',["), "is a 'zmf'; jbridge knows trimf"),
+    (("'trimf',[", "'wmf',["), "is a 'wmf'; jbridge knows trimf"),
     (("NumMFs=5", "NumMFs=6"), "has no mf6; add it"),
     (("1 0 0, 1 (1.0) : 1", "9 0 0, 1 (1.0) : 1"), "error has no set 9; it has 5"),
     (("1 0 0, 1 (1.0) : 1", "1 0, 1 (1.0) : 1"), "2 set numbers for 3 variables"),

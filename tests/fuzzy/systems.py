@@ -64,6 +64,14 @@ def random_set(rng, low, high, kind):
         "gaussmf": (rng.uniform(0.05, 0.4) * width, centre),
         "gbellmf": (rng.uniform(0.1, 0.4) * width, rng.uniform(1.0, 4.0), centre),
         "sigmf": (rng.choice([-1, 1]) * rng.uniform(5, 40) / width, centre),
+        "linsmf": corners[:2],
+        "linzmf": corners[:2],
+        "smf": corners[:2],
+        "zmf": corners[:2],
+        "pimf": corners,
+        "gauss2mf": (0.1 * width, corners[1], rng.uniform(0.05, 0.4) * width, corners[2]),
+        "dsigmf": (rng.uniform(10, 40) / width, corners[0], rng.uniform(10, 40) / width, corners[2]),
+        "psigmf": (rng.uniform(10, 40) / width, corners[0], -rng.uniform(10, 40) / width, corners[2]),
     }[kind]
     return MEMBERSHIPS[kind](*(as_number(number) for number in numbers))
 
