@@ -79,6 +79,20 @@ def strengths(
     return [rule.strength(degrees, conjunction, disjunction, softness) for rule in rules]
 
 
+def joined(outputs: Sequence[Array]) -> Float[Array, " output"]:
+    """Outputs as one array, written one after the other.
+
+    XLA's CPU back end puts the whole program of every part of a concatenation into one kernel, which takes minutes to
+    compile from three outputs on.
+    """
+    if len(outputs) == 1:
+        return jnp.stack(outputs)
+    found = jnp.zeros(len(outputs), jnp.result_type(*outputs))
+    for place, value in enumerate(outputs):
+        found = found.at[place].set(value)
+    return found
+
+
 class Mamdani(AbstractSystem):
     """Rules that conclude in fuzzy sets (Mamdani and Assilian 1975)."""
 
@@ -194,7 +208,7 @@ class Prepared(AbstractSystem):
             weights = [self.aggregation.all([strength[i] for i in rules], softness) for rules in concluding]
             outputs.append(conclusions.value(weights, softness))
             fired.append(jnp.stack(weights).max() > 0.0)
-        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
+        return Inference(joined(outputs), jnp.stack(fired), jnp.stack(strength))
 
 
 def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from .defuzzify import EMPTY
-from .inference import AbstractSystem, Inference, clipped_inputs, strengths
+from .inference import AbstractSystem, Inference, clipped_inputs, joined, strengths
 from .membership import as_number
 from .norms import AbstractNorm, Maximum, Product, Softness
 from .rules import Rule, Variable, check_labels
@@ -75,4 +75,4 @@ class Sugeno(AbstractSystem):
                 total = total / jnp.where(weights > 0.0, weights, 1.0)
             outputs.append(jnp.where(any_fired, total, output.middle))
             fired.append(any_fired)
-        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
+        return Inference(joined(outputs), jnp.stack(fired), jnp.stack(strength))

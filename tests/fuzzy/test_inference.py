@@ -1,5 +1,7 @@
 """Inference against scikit-fuzzy, MATLAB's published values, and the limits of the smooth mode."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from jbridge.fuzzy.columns import columns
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.fis import load_fis
 from jbridge.fuzzy.inference import Mamdani
-from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number
+from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number, membership
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Rule, Variable, in_words, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
@@ -361,3 +363,25 @@ def test_a_system_made_ready_for_a_loop_infers_the_same(softness):
         np.testing.assert_allclose(found.output, wanted.output, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(found.strength, wanted.strength, rtol=1e-12)
         np.testing.assert_array_equal(found.fired, wanted.fired)
+
+
+def test_many_rules_and_several_outputs_in_one_compiled_batch():
+    """25 rules and three outputs: each output as by a system of its own, compiled within the test run's patience."""
+    labels, at = "abcde", np.linspace(-1.0, 1.0, 5)
+    sets = tuple(membership("trimf", [place - 0.5, place, place + 0.5]) for place in at)
+    x, y, u, v, w = (Variable(name, as_number(-1.0), as_number(1.0), tuple(labels), sets) for name in "xyuvw")
+    pairs = list(itertools.product(range(5), range(5)))
+
+    def system(outputs):
+        rules = tuple(
+            Rule((Clause(0, i), Clause(1, j)), tuple(Clause(n, (i + k * j) % 5) for n, (_, k) in enumerate(outputs)))
+            for i, j in pairs
+        )
+        return Mamdani((x, y), tuple(output for output, _ in outputs), rules)
+
+    each = [(u, 1), (v, 2), (w, 3)]
+    values = jnp.asarray(np.random.default_rng(0).uniform(-1.0, 1.0, (10, 2)))
+    found = jax.jit(jax.vmap(lambda value: system(each).infer(value).output))(values)
+    for place in (0, 9):
+        wanted = [float(system([one]).infer(values[place]).output[0]) for one in each]
+        np.testing.assert_allclose(found[place], wanted, atol=1e-12)
