@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/results.md")
+PAGES = ("docs/results.md",)
 FIRST_ONLY = {"concealed-table"}
 """Tables of several sections of which a page shows the first."""
 

@@ -20,8 +20,8 @@ What a model file may hold in `[[effect]]` tables, and what a diagnosis can name
 `swing` and `psi_sensor`, `l` for `hoist`, `hoist_drive` and `l_sensor`. Units are those at the first site; at the
 swing N becomes N m and m becomes rad. Parameters in brackets may be left out. Vectors end in `[]`.
 
-A drive composes in the order delay, saturation, dead zone, gain asymmetry and drift, drum radius, lag, gain. Beside a
-Coulomb friction of the same axis an added friction is written with its smallest level at 0, since levels add.
+A drive composes in the order delay, saturation, dead zone, gain asymmetry and drift, drum radius, lag, ripple, gain.
+Beside a Coulomb friction of the same axis an added friction is written with its smallest level at 0, since levels add.
 
 | kind | sites | parameters | law |
 |---|---|---|---|
@@ -29,6 +29,12 @@ Coulomb friction of the same axis an added friction is written with its smallest
 FOOT = """
 Besides these a diagnosis weighs `wrong_value`, whose site is the name of a known number: a mass, a damping or a gain
 of the bridge.
+"""
+ALIKE = """
+Some recordings cannot tell an effect from another one:
+
+| effect | looks like | in | told apart by |
+|---|---|---|---|
 """
 UNITS = {
     "x": {"force": "N", "position": "m", "speed": "m/s"},
@@ -60,7 +66,12 @@ def table() -> str:
         law = inspect.getdoc(effect).split("\n\n")[0].replace("\n", " ")
         cells = (f"`{kind}`", ", ".join(effect.sites), parameters(effect), law)
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return HEAD + "\n".join(rows) + "\n" + FOOT
+    alike = [
+        f"| `{kind}` at {other.own_site} | `{other.kind}` at {other.site} | {other.recordings} | {other.separated_by} |"
+        for kind, effect in CATALOGUE.items()
+        for other in effect.alike
+    ]
+    return HEAD + "\n".join(rows) + "\n" + FOOT + ALIKE + "\n".join(alike) + "\n"
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def main() -> None:
     save_report(arguments.out, diagnosis)
     if arguments.picture is not None:
         arguments.picture.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(next((arguments.out / "figures").glob("residuals-holdout-*.png")), arguments.picture)
+        shutil.copy(next((arguments.out / "figures").glob("signals-holdout-*.png")), arguments.picture)
     print(describe_diagnosis(diagnosis, arguments.out), end="")
 
 

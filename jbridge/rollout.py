@@ -2,7 +2,7 @@
 
 Everything is written for one lane; `jax.vmap` makes batches of lanes, plants and initial states. What the drives do
 before their lags (`inputs`) and the sensors are computed for the whole lane at once, outside the loop; the loop
-carries positions, velocities, the lags and a presliding spring.
+carries positions, velocities, the lags and a hidden spring.
 """
 
 import functools
@@ -20,8 +20,7 @@ from .collect import AbstractCollector, Everything
 from .inputs import INSTANT, Lane, drive_inputs, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.drives import ActuatorLag
-from .model.effects.flexible import Backlash, DoublePendulum, RopeElasticity
-from .model.effects.friction import PreslidingFriction
+from .model.effects.flexible import Backlash, DoublePendulum, HoistBacklash
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
 from .model.plant import Motion, Plant, Push
 
@@ -64,7 +63,7 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
     Args:
         plant: what moves.
         initial: `x, psi, l` [m, rad, m], their velocities, and for each hidden coordinate its deflection from rest
-            and that deflection's velocity. A presliding spring's relative deflection may follow (see `start`).
+            and that deflection's velocity. A hysteresis' relative deflection may follow (see `start`).
         active: 1 for an axis that moves.
     """
     length = initial[2]
@@ -81,8 +80,12 @@ def initial_motion(plant: Plant, initial: Float[Array, " state"], active: Axes) 
         apart = folded(initial[k], 0.5 * train.gap) if isinstance(train, Backlash) else initial[k]
         q, v = q._replace(motor=q.x + apart), v._replace(motor=v.x + initial[k + 1])
         k += 2
-    if plant.only(RopeElasticity) is not None:
-        q, v = q._replace(loaded=q.l + plant.stretch() + initial[k]), v._replace(loaded=v.l + initial[k + 1])
+    rope = plant.rope_end
+    if rope is not None:
+        below = plant.stretch() + initial[k]
+        if isinstance(rope, HoistBacklash):
+            below = folded(0.5 * rope.gap + initial[k], 0.5 * rope.gap)
+        q, v = q._replace(loaded=q.l + below), v._replace(loaded=v.l + initial[k + 1])
         k += 2
     if plant.only(DoublePendulum) is not None:
         q, v = q._replace(phi=q.psi + initial[k]), v._replace(phi=v.psi + initial[k + 1])
@@ -212,7 +215,7 @@ def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"
     q, v = initial_motion(plant, initial, active)
     zero = jnp.zeros_like(q.x)
     z, k = None, 6 + 2 * len(plant.mechanisms)
-    if plant.only(PreslidingFriction) is not None:
+    if plant.hysteresis is not None:
         z = folded(initial[k], jnp.ones_like(zero)) if initial.shape[0] > k else zero
     return Motions(q, v, Axes(lags[0], zero, lags[1]), z)
 
@@ -281,7 +284,7 @@ def advance(
     anew from its positions and velocities: that is less work than to write all of it to memory and to read it back.
     Tangents take as long with a loop as without; a simulation alone takes longer.
     """
-    presliding = plant.only(PreslidingFriction)
+    spring = plant.hysteresis
     # In one order in every process, so that compiled programs are found again.
     lagging = sorted({AXIS_OF_SITE[effect.site] for effect in plant.all(ActuatorLag)})
     most = max(-lead for lead in method.leads)
@@ -314,8 +317,8 @@ def advance(
             )
             a = materialise(a, go)
             z = at.z
-            if presliding is not None and carry.z is not None:
-                z = presliding.deflection(carry.z, part.reach * h * at.v.at_drives().x)
+            if spring is not None and carry.z is not None:
+                z = spring.deflection(carry.z, part.reach * h * at.v.at_drives().x)
             q, v = _add(carry.q, at.v, part.reach, h), _add(carry.v, a, part.reach, h)
             q = _add(q, a, part.bend, h * h)
             return _Stage(q, v, z, _add(at.dq, at.v, part.weight, h), _add(at.dv, a, part.weight, h)), None
@@ -334,12 +337,12 @@ def advance(
                 at, _ = stage(at, part)
         q_next, v_next = _add(carry.q, at.dq), _add(carry.v, at.dv)
         z_next = carry.z
-        if presliding is not None and carry.z is not None:
+        if spring is not None and carry.z is not None:
             # There and back where the drive turns round: what is lost of a loop, turn by turn, would be a creep.
             was, becomes, way = carry.v.at_drives().x, v_next.at_drives().x, at.dq.at_drives().x
             turns = was * becomes < 0
             there = jnp.where(turns, 0.5 * h * was * was / jnp.where(turns, was - becomes, 1.0), way)
-            z_next = presliding.deflection(presliding.deflection(carry.z, there), way - there)
+            z_next = spring.deflection(spring.deflection(carry.z, there), way - there)
         lag = target
         for axis in lagging:
             g, s = getattr(target, axis), getattr(carry.lag, axis)
@@ -370,6 +373,10 @@ def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Mot
         assert motion.motor is not None and rate.motor is not None
         q = q._replace(x=q.x + train.encoder * (motion.motor - q.x))
         v = v._replace(x=v.x + train.encoder * (rate.motor - v.x))
+    play = plant.only(HoistBacklash)
+    if play is not None:
+        q = q._replace(l=q.l + play.encoder * (motion.at_load().l - q.l))
+        v = v._replace(l=v.l + play.encoder * (rate.at_load().l - v.l))
     channels = []
     for axis in ("x", "psi", "l"):
         truth = getattr(q, axis)

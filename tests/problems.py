@@ -11,6 +11,7 @@ from jbridge._types import Axes
 from jbridge.inputs import Lane
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AbstractEffect, AbstractMechanism, options_of, parameters_of
+from jbridge.model.effects.cable import CableDrag
 from jbridge.model.effects.catalogue import KINDS, make_effect
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
@@ -142,8 +143,9 @@ def null_effect(kind: str, site: str) -> AbstractEffect:
     return make_effect(kind, site, values)
 
 
-PLACES = [(kind, site) for kind, cls in KINDS.items() for site in cls.sites if not issubclass(cls, AbstractMechanism)]
-"""Every kind at every site, but for mechanisms."""
+_APART = (AbstractMechanism, CableDrag)
+PLACES = [(kind, site) for kind, cls in KINDS.items() for site in cls.sites if not issubclass(cls, _APART)]
+"""Every kind at every site, but for mechanisms, and of two hidden springs but the one."""
 
 
 class Everything:

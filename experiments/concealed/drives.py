@@ -1,7 +1,7 @@
 """Drives of the concealed rig: the voltage that was logged in, the voltage that the motor acts on out.
 
 The stages compose in one fixed order: delay, saturation, dead zone, gain asymmetry and drift, drum radius,
-lag, gain.
+lag, ripple, gain.
 """
 
 import math
@@ -38,6 +38,12 @@ def _drum_radius_change(e: Effect, at: Layout, dt: float) -> Stage:
     return lambda u, t, q, both: u * (1.0 + e["slope"] * (at.length(q) - e["length"]))
 
 
+def _torque_ripple(e: Effect, at: Layout, dt: float) -> Stage:
+    joint = at.x if e["site"] == "cart_drive" else at.l
+    turn = 2 * math.pi / e["period"]
+    return lambda u, t, q, both: u * (1.0 + e["amplitude"] * math.sin(turn * q[joint] + e["phase"]))
+
+
 def _actuator_lag(e: Effect, at: Layout, dt: float) -> Stage:
     """First order, exact for a held input; the mean over the step is what acts, which keeps second order."""
     share = 1.0 - math.exp(-dt / e["time_constant"])
@@ -60,6 +66,7 @@ STAGES: dict[str, Callable[[Effect, Layout, float], Stage]] = {
     **DRIVE_STAGES,
     **clutter.DRIVE_STAGES,
     "actuator_lag": _actuator_lag,
+    "torque_ripple": _torque_ripple,
 }
 """In the order in which they compose."""
 

@@ -134,6 +134,18 @@ FRICTION: dict[str, Callable[[Effect], FrictionLaw]] = {
 }
 
 
+LoadedLaw = Callable[[float], float]
+"""Load on the axis [N] -> Coulomb level."""
+
+
+def _load_dependent(e: Effect) -> LoadedLaw:
+    return lambda load: e["level"] + e["share"] * load
+
+
+LOADED_FRICTION: dict[str, Callable[[Effect], LoadedLaw]] = {"load_dependent_friction": _load_dependent}
+"""Friction by the size of the drive's force, at the swing by the pull on the pivot."""
+
+
 def _presliding(e: Effect, at: Layout, dt: float) -> ForceLaw:
     """Dahl: z' = v (1 - stiffness z sign(v) / level) for the spring's stretch z, exact over a step."""
     slip = e["level"] / e["stiffness"]
@@ -143,6 +155,17 @@ def _presliding(e: Effect, at: Layout, dt: float) -> ForceLaw:
         limit = math.copysign(slip, v[at.x])
         stretch[0] = limit + (stretch[0] - limit) * math.exp(-abs(v[at.x]) * dt / slip)
         forces[at.x] -= e["stiffness"] * stretch[0]
+
+    return law
+
+
+def _cable_drag(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    """A spring to a place of rest beside Dahl's loop: z' = v / travel (1 - z sign(v)), exact over a step."""
+    loop = _presliding({"level": e["level"], "stiffness": e["level"] / e["travel"]}, at, dt)
+
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        loop(t, q, v, forces)
+        forces[at.x] -= e["stiffness"] * (q[at.x] - e["rest"])
 
     return law
 
@@ -157,7 +180,17 @@ def _quadratic_drag(e: Effect, at: Layout, dt: float) -> ForceLaw:
 
 
 def _constant_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
-    return lambda t, q, v, forces: at.push_cart(e["level"], forces)
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        if e["site"] == "cart":
+            at.push_cart(e["level"], forces)
+        else:
+            forces[at.psi if e["site"] == "swing" else at.l] += e["level"]
+
+    return law
+
+
+def _rail_inclination(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    return lambda t, q, v, forces: at.push_cart(interpolate(at.cart(q), e["knots"], e["forces"]), forces)
 
 
 def _spring_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
@@ -187,13 +220,23 @@ def _length_dependent_damping(e: Effect, at: Layout, dt: float) -> ForceLaw:
     return law
 
 
+def _power_law_damping(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        forces[at.psi] -= math.copysign(e["coefficient"] * abs(v[at.psi]) ** e["exponent"], v[at.psi])
+
+    return law
+
+
 FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "presliding_friction": _presliding,
+    "cable_drag": _cable_drag,
     "quadratic_drag": _quadratic_drag,
     "constant_force": _constant_force,
+    "rail_inclination": _rail_inclination,
     "spring_force": _spring_force,
     "periodic_force": _periodic_force,
     "end_stop": _end_stop,
+    "power_law_damping": _power_law_damping,
     "length_dependent_damping": _length_dependent_damping,
 }
 

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import AGAIN, PROBABILITIES, SEVERITIES, brief, table, wilson, with_probability
+from tables import AGAIN, PROBABILITIES, SEVERITIES, table, wilson, with_probability
 
 PARTS = ("dev", "proof", "wide", "fresh", AGAIN)
 """Columns of the table, each with data of its own."""
@@ -153,7 +153,6 @@ def draw(folder: Path) -> None:
         return
     beside = folder / "data" / "concealed-rivals.json"
     rivals = json.loads(beside.read_text()) if beside.exists() else None
-    (folder / "concealed-brief.md").write_text(brief(halves))
     (folder / "concealed-table.md").write_text(table(halves, rivals))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

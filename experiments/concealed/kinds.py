@@ -44,6 +44,12 @@ def _lookup(d: Draw, s: float) -> dict:
     return {"knots": RAIL[5], "positive": both[:5], "negative": both[5:]}
 
 
+def _rail(d: Draw, s: float) -> dict:
+    """Forces about a mean of 0, since a constant one would be a `constant_force`."""
+    levels = np.array(d.profile(6, 0.4, s))
+    return {"knots": RAIL[6], "forces": [round(float(level), 4) for level in levels - levels.mean()]}
+
+
 def _wind(d: Draw, s: float) -> dict:
     start = d.u(3.0, 5.0)
     return {"force": s * d.sign() * d.u(0.008, 0.02), "start": start, "stop": round(start + d.u(3.0, 6.0), 3)}
@@ -66,11 +72,15 @@ KINDS = {
     ("direction_dependent_friction", "cart"): lambda d, s: _one_sided(d, 0.1, 0.2, s),
     ("position_dependent_friction", "cart"): lambda d, s: {"knots": RAIL[6], "levels": d.profile(6, 0.4, s)},
     ("position_direction_friction", "cart"): _lookup,
+    ("load_dependent_friction", "cart"): lambda d, s: {"level": 0.0, "share": s * d.u(0.02, 0.05)},
     ("presliding_friction", "cart"): lambda d, s: {"level": d.u(2.5, 4.0), "stiffness": d.u(2000, 4000) / s},
     ("quadratic_drag", "cart"): lambda d, s: {"coefficient": s * d.u(2.0, 4.0)},
     ("friction_drift", "cart"): lambda d, s: {"level": 0.0, "rate": s * d.u(0.01, 0.02)},
     ("constant_force", "cart"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.2)},
+    ("rail_inclination", "cart"): _rail,
     ("spring_force", "cart"): lambda d, s: {"stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0)},
+    ("cable_drag", "cart"): lambda d, s: {
+        "stiffness": s * d.u(0.3, 0.6), "rest": d.u(0.5, 1.0), "level": s * d.u(0.1, 0.2), "travel": d.u(0.02, 0.08)},
     ("periodic_force", "cart"): lambda d, s: {
         "amplitude": s * d.u(0.2, 0.4), "period": d.u(0.06, 0.15), "phase": d.u(-3.0, 3.0)},
     ("end_stop", "cart"): lambda d, s: {
@@ -79,22 +89,34 @@ KINDS = {
         "stiffness": d.u(3000, 6000) / s, "damping": d.u(8, 20), "motor_mass": d.u(1.0, 2.0)},
     ("backlash", "cart"): lambda d, s: {"gap": s * d.u(1e-3, 2e-3), "motor_mass": d.u(1.0, 2.0)},
     ("coulomb_friction", "swing"): lambda d, s: {"level": s * d.u(0.001, 0.002)},
+    ("load_dependent_friction", "swing"): lambda d, s: {"level": 0.0, "share": s * d.u(5e-4, 1e-3)},
     ("load_drag", "swing"): lambda d, s: {"coefficient": s * d.u(0.02, 0.05)},
     ("wind", "swing"): _wind,
     ("length_dependent_damping", "swing"): lambda d, s: {"slope": s * d.u(0.0025, 0.004), "length": 0.7},
+    ("rod_inertia", "swing"): lambda d, s: {
+        "mass": s * d.u(0.02, 0.05), "centre": d.u(0.15, 0.4), "inertia": s * d.u(0.001, 0.003)},
+    ("constant_force", "swing"): lambda d, s: {"level": s * d.sign() * d.u(0.004, 0.008)},
+    ("power_law_damping", "swing"): lambda d, s: {"coefficient": s * d.u(0.002, 0.004), "exponent": d.u(0.5, 2.5)},
     ("double_pendulum", "swing"): lambda d, s: {
         "hook_mass": d.u(0.05, 0.08), "link": s * d.u(0.08, 0.15), "damping": d.u(1e-4, 4e-4)},
     ("direction_dependent_friction", "hoist"): lambda d, s: _one_sided(d, 0.15, 0.3, s),
     ("position_dependent_friction", "hoist"): lambda d, s: {"knots": ROPE, "levels": d.profile(5, 0.4, s)},
+    ("load_dependent_friction", "hoist"): lambda d, s: {"level": 0.0, "share": s * d.u(0.03, 0.06)},
     ("quadratic_drag", "hoist"): lambda d, s: {"coefficient": s * d.u(15, 30)},
     ("stribeck_friction", "hoist"): lambda d, s: {
         "level": 0.0, "breakaway": s * d.u(0.5, 1.0), "velocity": d.u(0.02, 0.05)},
+    ("constant_force", "hoist"): lambda d, s: {"level": s * d.sign() * d.u(0.1, 0.3)},
     ("rope_elasticity", "hoist"): lambda d, s: {"stiffness": d.u(80, 140) / s, "damping": d.u(0.3, 0.6)},
+    ("hoist_backlash", "hoist"): lambda d, s: {"gap": s * d.u(2e-3, 5e-3), "motor_mass": d.u(0.04, 0.06)},
     ("saturation", "cart_drive"): lambda d, s: {"limit": d.u(2.2, 2.6)},
     ("input_delay", "cart_drive"): lambda d, s: {"delay": d.steps(0.010, 0.025, s)},
     ("actuator_lag", "cart_drive"): lambda d, s: {"time_constant": s * d.u(0.015, 0.03)},
     ("gain_asymmetry", "cart_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.01, 0.02)},
     ("gain_drift", "cart_drive"): lambda d, s: {"rate": s * d.sign() * d.u(0.001, 0.002)},
+    ("torque_ripple", "cart_drive"): lambda d, s: {
+        "amplitude": s * d.u(0.03, 0.06), "period": d.u(0.06, 0.15), "phase": d.u(-3.0, 3.0)},
+    ("torque_ripple", "hoist_drive"): lambda d, s: {
+        "amplitude": s * d.u(0.05, 0.1), "period": d.u(0.06, 0.12), "phase": d.u(-3.0, 3.0)},
     ("saturation", "hoist_drive"): lambda d, s: {"limit": d.u(4.6, 5.2)},
     ("input_delay", "hoist_drive"): lambda d, s: {"delay": d.steps(0.015, 0.03, s)},
     ("gain_asymmetry", "hoist_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.02, 0.04)},

@@ -61,10 +61,15 @@ class Rig:
         for e in effects:
             if e["kind"] == "rope_elasticity":  # hanging at rest
                 self.data.qpos[at.stretch] = bridge["load_mass"] * bridge["gravity"] / e["stiffness"]
+            if e["kind"] == "hoist_backlash":
+                self.data.qpos[at.stretch] = e["gap"] / 2
         self.load = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "load")
         self.frictions = self._frictions(effects, truth.get("wander", 0.0), key)
         self.forces = [FORCES[e["kind"]](e, at, DT) for e in effects if e["kind"] in FORCES]
         self.load_forces = [LOAD[e["kind"]](e, at) for e in effects if e["kind"] in LOAD]
+        rods = [(e["mass"], e["centre"]) for e in effects if e["kind"] == "rod_inertia"]
+        self.hanging = [(bridge.get("load_mass", 0.0), 0.0), *rods]
+        """Masses below the pivot, each with its distance from there; 0 stands for the rope's length."""
         self.drives = []
         for column, (site, joint, gain) in enumerate(
             (("cart_drive", at.x, "cart_gain"), ("hoist_drive", at.l, "hoist_gain"))
@@ -74,9 +79,11 @@ class Rig:
                 self.drives.append((joint, Drive(bridge[gain], own, column, at, DT)))
         parted = [e for e in effects if e["kind"] in ("belt_compliance", "backlash")]
         self.motor_encoder = bool(parted) and parted[0].get("encoder", "cart") == "motor"
+        winch = [e for e in effects if e["kind"] == "hoist_backlash"]
+        self.drum_encoder = bool(winch) and winch[0].get("encoder", "motor") == "drum"
 
     def _frictions(self, effects: list, share: float, key: np.random.Generator) -> list:
-        """Per axis with dry friction: joint, laws, laws that look at other axes, and what wanders."""
+        """Per axis with dry friction: joint, laws, laws that look at other axes or at the load, and what wanders."""
         found = []
         for site, joint in (("cart", self.at.x), ("swing", self.at.psi), ("hoist", self.at.l)):
             own = [e for e in effects if e["site"] == site]
@@ -86,9 +93,15 @@ class Rig:
                 for e in own
                 if e["kind"] in uncatalogued.COUPLED_FRICTION
             ]
-            if laws or coupled:
-                found.append((joint, laws, coupled, wander(share, key) if share else None))
+            loaded = [catalogue.LOADED_FRICTION[e["kind"]](e) for e in own if e["kind"] in catalogue.LOADED_FRICTION]
+            if laws or coupled or loaded:
+                found.append((joint, laws, coupled, loaded, wander(share, key) if share else None))
         return found
+
+    def _pull(self, q: Vector, v: Vector) -> float:
+        """Weight and centrifugal force of what hangs on the pivot, along the rope [N]."""
+        gravity, cosine, spin = -self.model.opt.gravity[2], math.cos(q[self.at.psi]), v[self.at.psi]
+        return sum(mass * (gravity * cosine + (at or self.at.length(q)) * spin**2) for mass, at in self.hanging)
 
     def coordinates(self) -> dict[str, float]:
         """True `x`, `psi`, `l` now; the half step by which the engine's positions lead is taken back."""
@@ -97,7 +110,7 @@ class Rig:
         return {
             "x": q[at.x] if self.motor_encoder else at.cart(q),
             "psi": q[at.psi] if at.psi >= 0 else 0.0,
-            "l": at.length(q),
+            "l": at.length(q) + (q[at.stretch] if self.drum_encoder else 0.0),
         }
 
     def step(self, number: int, log: list[Vector]) -> None:
@@ -107,8 +120,12 @@ class Rig:
         forces = [-half * rate for half, rate in zip(self.half_damping, v, strict=True)]
         for law in self.forces:
             law(t, q, v, forces)
-        for joint, laws, coupled, field in self.frictions:
+        thrusts = {joint: drive.force(number, t, q, log) for joint, drive in self.drives}
+        for joint, laws, coupled, loaded, field in self.frictions:
             positive = negative = sum(law(q, v) for law in coupled)
+            if loaded:
+                load = self._pull(q, v) if joint == self.at.psi else abs(thrusts[joint])
+                positive = negative = positive + sum(law(load) for law in loaded)
             for law in laws:
                 p, n = law(t, q[joint], v[joint])
                 positive, negative = positive + p, negative + n
@@ -117,8 +134,8 @@ class Rig:
                 positive, negative = positive * factor, negative * factor
             self.model.dof_frictionloss[joint] = 0.5 * (positive + negative)
             forces[joint] -= 0.5 * (positive - negative)
-        for joint, drive in self.drives:
-            forces[joint] += drive.force(number, t, q, log)
+        for joint, thrust in thrusts.items():
+            forces[joint] += thrust
         data.qfrc_applied[:] = forces
         if self.load_forces:
             pushes = [law(t, q, v) for law in self.load_forces]

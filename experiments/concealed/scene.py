@@ -2,8 +2,8 @@
 
 Cart: a slide. Rope and load: a hinge at the pivot, then a slide along the rope, whose armature is the
 winch. A belt or backlash parts the cart from the motor by a relative slide (spring, or free within a
-limit); an elastic rope adds a slide beyond the length paid out; a hook adds a second hinge. Dry friction is
-the engine's own friction-loss constraint.
+limit); an elastic rope or a play at the winch adds a slide beyond the length paid out; a hook adds a second
+hinge. Dry friction is the engine's own friction-loss constraint.
 """
 
 import mujoco
@@ -33,28 +33,58 @@ def _dry(kind: str, name: str, damping: float, more: str) -> str:
     )
 
 
+def _rod(rod: Effect, hinge: str, below: str) -> str:
+    """A rod that turns about the pivot and is not hoisted; what is below slides along it."""
+    turned = f"{rod['inertia']:.12g}"
+    own = f'mass="{rod["mass"]:.12g}" diaginertia="{turned} {turned} 1e-9"'
+    return f'<body name="rod">{hinge}<inertial pos="0 0 {-rod["centre"]:.12g}" {own}/>{below}</body>'
+
+
 def _rope(bridge: dict, effects: list[Effect], length: float, winch: bool) -> str:
     elastic, double = _find(effects, "rope_elasticity"), _find(effects, "double_pendulum")
-    joints = _dry("hinge", "psi", bridge["swing_damping"], f'axis="0 -1 0" pos="0 0 {length:.12g}"')
+    play = _find(effects, "hoist_backlash")
+    rod = _find(effects, "rod_inertia")
+    above = 0.0 if rod else length
+    hinge = _dry("hinge", "psi", bridge["swing_damping"], f'axis="0 -1 0" pos="0 0 {above:.12g}"')
+    joints = "" if rod else hinge
     if winch:
-        more = f'axis="0 0 -1" ref="{length:.12g}" armature="{bridge["winch_mass"]:.12g}"'
+        turning = play["motor_mass"] if play else bridge["winch_mass"]
+        more = f'axis="0 0 -1" ref="{length:.12g}" armature="{turning:.12g}"'
         joints += _dry("slide", "l", bridge["hoist_damping"], more)
     if elastic:
         joints += (
             f'<joint name="stretch" type="slide" axis="0 0 -1" stiffness="{elastic["stiffness"]:.12g}" '
             f'damping="{elastic["damping"]:.12g}"/>'
         )
+    if play:
+        joints += (
+            f'<joint name="stretch" type="slide" axis="0 0 -1" limited="true" '
+            f'range="{-play["gap"] / 2:.12g} {play["gap"] / 2:.12g}" '
+            f'solreflimit="{_HARD}" solimplimit="{_STIFF}"/>'
+        )
     if not double:
-        return f'<body name="load" pos="0 0 {-length:.12g}">{joints}{_mass(bridge["load_mass"])}</body>'
-    hinge = (
+        load = f'<body name="load" pos="0 0 {-length:.12g}">{joints}{_mass(bridge["load_mass"])}</body>'
+        return _rod(rod, hinge, load) if rod else load
+    hook = (
         f'<joint name="link" type="hinge" axis="0 -1 0" pos="0 0 {double["link"]:.12g}" '
         f'damping="{double["damping"]:.12g}"/>'
     )
     lower = _mass(bridge["load_mass"] - double["hook_mass"])
-    return (
+    chain = (
         f'<body name="hook" pos="0 0 {-length:.12g}">{joints}{_mass(double["hook_mass"])}'
-        f'<body name="load" pos="0 0 {-double["link"]:.12g}">{hinge}{lower}</body></body>'
+        f'<body name="load" pos="0 0 {-double["link"]:.12g}">{hook}{lower}</body></body>'
     )
+    return _rod(rod, hinge, chain) if rod else chain
+
+
+def _drum(bridge: dict, effects: list[Effect], winch: bool) -> str:
+    """The inertia of a drum that turns with the rope's end and not with the motor: on the sum of both slides."""
+    play = _find(effects, "hoist_backlash")
+    if not (play and winch):
+        return ""
+    turning = bridge["winch_mass"] - play["motor_mass"]
+    sides = '<joint joint="l" coef="1"/><joint joint="stretch" coef="1"/>'
+    return f'<tendon><fixed armature="{turning:.12g}">{sides}</fixed></tendon>'
 
 
 def build(truth: dict, length: float) -> tuple[mujoco.MjModel, Layout]:
@@ -86,7 +116,7 @@ def build(truth: dict, length: float) -> tuple[mujoco.MjModel, Layout]:
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><option timestep="{DT}" gravity="0 0 {-bridge["gravity"]:.12g}">'
         '<flag contact="disable"/></option>'
-        f"<worldbody>{body}</worldbody></mujoco>"
+        f"<worldbody>{body}</worldbody>{_drum(bridge, effects, winch)}</mujoco>"
     )
     at = {model.joint(i).name: i for i in range(model.njnt)}
     double = _find(effects, "double_pendulum")

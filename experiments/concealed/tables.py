@@ -127,27 +127,6 @@ AGAIN = "fresh-again"
 RUN_AGAIN = f", and was run whole again when its misses were known (`{AGAIN}`)"
 
 
-def brief(halves: dict[str, dict]) -> str:
-    """The measures that matter most to an owner, in markdown."""
-    measures = {
-        "verdict right": lambda rows: share(rows, "verdict_right"),
-        "nothing is missing, and yet an alarm": lambda rows: share(groups(rows)["null"], "detected"),
-        "something is missing that leaves 5 times the noise: seen": lambda rows: share(
-            groups(rows)["visible"], "detected"
-        ),
-        "... and exactly the right names, where it has one": lambda rows: share(groups(rows)["nameable"], "set_right"),
-        "missing physics was named: exactly the right names": lambda rows: share(
-            [r for r in rows if r["verdict"] == "missing_physics"], "set_right"
-        ),
-    }
-    lines = ["# Concealed cases, in brief", "", "| | " + " | ".join(halves) + " |", "|" + "---|" * (1 + len(halves))]
-    run = [(len(saved["rows"]), saved["cases"]) for saved in halves.values()]
-    lines.append("| cases | " + " | ".join(f"{n}" if n == of else f"{n} of {of}" for n, of in run) + " |")
-    for name, of in measures.items():
-        lines.append(f"| {name} | " + " | ".join(of(saved["rows"]) for saved in halves.values()) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def table(
     halves: dict[str, dict],
     rivals: dict[str, dict[str, list[dict]]] | None = None,

@@ -23,8 +23,18 @@ SITE_OF_NUMBER = {
 """Numbers that a rig's owner may know wrong, by the site where they act. Gravity is not among them."""
 
 
-_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity"})
+_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity", "exponent"})
 """Keys that say when, where or how fast an effect acts."""
+
+
+_EXCLUDES = {
+    "belt_compliance": ("backlash", "hoist_backlash"),
+    "backlash": ("belt_compliance", "hoist_backlash"),
+    "rope_elasticity": ("hoist_backlash",),
+    "hoist_backlash": ("rope_elasticity", "belt_compliance", "backlash"),
+    "cable_drag": ("presliding_friction",),
+}
+"""What a plant has no room for beside an effect that it has."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,13 +103,13 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
         scene: what seeds go by.
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
-    train = plant.drive_train
+    excluded = {kind for effect in plant.effects for kind in _EXCLUDES.get(effect.kind, ())}
     found = []
     for kind, cls in CATALOGUE.items():
         for site in cls.sites:
             if (kind, site) in present or not _exists(site, setting):
                 continue
-            if train is not None and kind in ("belt_compliance", "backlash"):
+            if kind in excluded:
                 continue
             found += [_candidate(kind, site, seed) for seed in cls.seeds(site, scene)]
     for number, site in SITE_OF_NUMBER.items():

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..identification.estimation import Problem
+from ..model.effects.catalogue import CATALOGUE
 from .names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of
@@ -58,7 +59,7 @@ def next_experiment(
     if "l" in setting.axes or "psi" in setting.axes:
         start["l"] = start_length(chosen.play, setting)
     return NextExperiment(
-        _purpose(chosen.play, names, start, wrong > _HARDLY * today),
+        _purpose(chosen.play, names, start, wrong > _HARDLY * today, _separated_by(contenders)),
         names,
         {"t": recording.times, **columns},
         wrong,
@@ -79,7 +80,16 @@ def _thinned(plays: Sequence[Play]) -> list[Play]:
     return [plays[i] for i in take]
 
 
-def _purpose(play: Play, names: Sequence[str], start: Mapping[str, float], hardly: bool) -> str:
+def _separated_by(contenders: Sequence[Contender]) -> list[str]:
+    """What the catalogue knows to separate those of the contenders that some recordings cannot tell apart."""
+    names = {(c.kind, c.site) for c in contenders}
+    alike = [(kind, other) for kind, _ in sorted(names) if kind in CATALOGUE for other in CATALOGUE[kind].alike]
+    return [o.separated_by for kind, o in alike if {(kind, o.own_site), (o.kind, o.site)} <= names]
+
+
+def _purpose(
+    play: Play, names: Sequence[str], start: Mapping[str, float], hardly: bool, separated_by: Sequence[str]
+) -> str:
     """What to do and why, for whoever plays it."""
     parts = []
     if "x" in start:
@@ -93,4 +103,5 @@ def _purpose(play: Play, names: Sequence[str], start: Mapping[str, float], hardl
     text = f"{words[0].upper()}{words[1:]}, from rest with {', '.join(parts)}: tells {listed} apart."
     if hardly:
         text += " It hardly decides, but no other input tried within the recordings' limits does better."
+        text += "".join(f" {words} would tell more." for words in separated_by)
     return text

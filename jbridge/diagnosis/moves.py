@@ -14,9 +14,9 @@ from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.problem import PART_OF
 from ..identification.solver import Point, Start
-from ..model.effects.base import AXIS_OF_SITE, AbstractEffect
+from ..model.bridge import Bridge
+from ..model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
-from ..model.effects.friction import PositionDependentFriction, PositionDirectionFriction
 from ..model.plant import Plant
 from .candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
 from .criteria import CRITERIA
@@ -26,8 +26,6 @@ from .structure import Structure
 
 _TRIAL = 2
 """Iterations of a first refit, a linear one included."""
-_SIMPLER = {"coulomb_friction": ("level",), "direction_dependent_friction": ("positive", "negative")}
-"""Laws that stand in a map's place, and what is free of them."""
 AT_ONCE = 2
 """Programs that are compiled side by side."""
 
@@ -248,32 +246,45 @@ def _without(
 
 
 def _levels(now: Structure, name: Name) -> dict[str, NDArray[np.float64]] | None:
-    """Levels of a map of friction, by key; None where an effect is none."""
-    if CATALOGUE.get(name[0]) not in (PositionDependentFriction, PositionDirectionFriction):
+    """Values of a law by place at its knots, by key; None where an effect is none."""
+    if "knots" not in parameters_of(CATALOGUE.get(name[0], Bridge)):
         return None
     table = now.space.table
     return {key: now.point.vector[table.positions(f"{name[0]}@{name[1]}.{key}")] for key in now.keys[name]}
 
 
+def _values(now: Structure, name: Name) -> dict[str, NDArray[np.float64] | float]:
+    """All numbers of an added effect, by key."""
+    table = now.space.table
+    out = {}
+    for key, info in parameters_of(CATALOGUE[name[0]]).items():
+        values = now.point.vector[table.positions(f"{name[0]}@{name[1]}.{key}")]
+        out[key] = values if info.vector else float(values[0])
+    return out
+
+
 def simplifications(problem: Problem, base: Structure, now: Structure) -> list[Move]:
-    """Each map of friction replaced by a law of one or two levels, if it may pay."""
+    """Each added effect replaced by a simpler law that it contains, if it may pay."""
     out = []
     present = {(e.kind, e.site) for e in now.plant.effects}
     for name in now.names:
-        levels = _levels(now, name)
-        if levels is None:
-            continue
-        level = float(np.mean(list(levels.values())))
-        for kind, keys in _SIMPLER.items():
-            means = {key: float(np.mean(levels[key])) if len(keys) > 1 and key in levels else level for key in keys}
-            held = {p: means.get(now.space.table.entry(p).info.key, level) for p in now.places(name)}
-            if (kind, name[1]) not in present and _may_pay(problem, now, held):
-                out.append(_without(problem, base, now, name, make_effect(kind, name[1], means), keys))
+        for part in CATALOGUE[name[0]].contains if name[0] in CATALOGUE else ():
+            if (part.kind, name[1]) in present:
+                continue
+            own = _values(now, name)
+            law = part.simpler(own)
+            held: dict[int, float] = {}
+            for key, value in part.same(law, own).items():
+                if key in now.keys[name]:
+                    at = now.space.table.positions(f"{name[0]}@{name[1]}.{key}")
+                    held |= dict(zip(at, np.broadcast_to(value, len(at)).tolist(), strict=True))
+            if _may_pay(problem, now, held):
+                out.append(_without(problem, base, now, name, make_effect(part.kind, name[1], law), tuple(law)))
     return out
 
 
 def refinements(problem: Problem, base: Structure, now: Structure, others: Sequence[Move]) -> list[Move]:
-    """Each map of friction with one place more between each two, from the same law, if it may compete with others."""
+    """Each law by place with one place more between each two, from the same law, if it may compete with others."""
     out = []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     for name in now.names:
@@ -307,6 +318,8 @@ def with_mechanisms(
 ) -> list[Move]:
     """The best effect of each axis with a program of its own, refitted on some windows, if it may compete there.
 
+    It takes the place of added effects that it contains.
+
     Args:
         problem: recordings.
         part: some of their windows.
@@ -322,10 +335,15 @@ def with_mechanisms(
         by_name.setdefault(candidate.name, []).append(candidate)
 
     def climbed(space: Space, starts: Sequence[Start]) -> tuple[Point, Point]:
-        """The best start fitted to short windows, and from there to the part's."""
+        """All starts fitted to short windows, and the best from there to the part's.
+
+        A stiff spring leaves less than a soft one before either is fitted, and moves slowly to where the soft one is
+        at once.
+        """
         short = [Start(s.vector, s.free, problem.states_of(s.states, low)) for s in starts]
-        which = int(np.argmin([p.value for p in low.evaluate(space.engine, short)]))
-        [first] = low.solve(space.engine, [short[which]], _TRIAL + 1)
+        fitted = low.solve(space.engine, short, _TRIAL + 1)
+        which = int(np.argmin([p.value for p in fitted]))
+        first = fitted[which]
         begun = Start(starts[which].vector, starts[which].free, problem.states_of(starts[which].states, part))
         after = Start(first.vector, first.free, part.states_with(begun.states, low, first.states))
         [fit] = part.solve(space.engine, _better(part, space, [begun], [after]), _TRIAL)
@@ -334,22 +352,30 @@ def with_mechanisms(
     without = climbed(now.space, [now.point.start])
     plant, known = now.space.table.unravel(without[1].vector), now.known
 
+    def gone(name: Name) -> list[Name]:
+        """Added effects that this one contains."""
+        parts = {part.kind for part in CATALOGUE[name[0]].contains}
+        return [each for each in now.names if each[0] in parts and each[1] == name[1]]
+
     def gains(points: tuple[Point, Point]) -> tuple[float, float]:
         return without[0].value - points[0].value, without[1].value - points[1].value
 
     def tried(name: Name) -> tuple[float, Plant, Candidate, tuple[Point, Point]] | None:
-        seeds = by_name[name]
+        seeds, less = by_name[name], gone(name)
         if time.monotonic() > deadline:
             return None
-        own = plant.adding(_effect(seeds[0]))
+        left = tuple(e for e in plant.effects if (e.kind, e.site) not in less)
+        own = Plant(plant.bridge, (*left, _effect(seeds[0])))
         try:
+            _ = own.drive_train, own.rope_end, own.hysteresis
             space = make_space(part, own, known, shared=False)
         except ValueError:
             return None
+        lost = {now.space.table.entry(p).name for each in less for p in now.places(each)}
         starts = []
-        for candidate in seeds:
+        for candidate in (*seeds, *(_taking_place(now, seed, each) for seed in seeds for each in less)):
             vector = candidate.set(space.table, space.absent)
-            kept = [space.table.positions(name)[0] for name in now.free]
+            kept = [space.table.positions(entry)[0] for entry in now.free if entry not in lost]
             free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
             starts.append(Start(vector, free, now.point.states))
         points = climbed(space, starts)
@@ -373,14 +399,24 @@ def with_mechanisms(
         if best is not None and gained[0] < least[0] and gained[1] < least[1]:
             continue
         space = make_space(problem, own, known, shared=False)
-        keys = {**now.keys, candidate.name: candidate.free}
-        choices = {**now.choices, candidate.name: choice[candidate.name]}
+        names = [name for name in now.names if name not in gone(candidate.name)]
+        keys = {**{name: now.keys[name] for name in names}, candidate.name: candidate.free}
+        choices = {**{name: now.choices[name] for name in names}, candidate.name: choice[candidate.name]}
         # Long windows may have led astray what fits short ones.
         point, windows = (points[1], part) if gained[1] > 0.0 else (points[0], low)
         states = problem.states_with(now.point.states, windows, point.states)
         start = Start(point.vector, point.free, states)
-        moves.append(Move(space, (*now.names, candidate.name), keys, choices, start))
+        moves.append(Move(space, (*names, candidate.name), keys, choices, start))
     return moves
+
+
+def _taking_place(now: Structure, seed: Candidate, gone: Name) -> Candidate:
+    """A seed of a law that contains an added one, with that one's numbers; what the added one lacks is the seed's."""
+    [part] = [part for part in CATALOGUE[seed.kind].contains if part.kind == gone[0]]
+    infos = parameters_of(CATALOGUE[seed.kind])
+    same = part.same(_values(now, gone), seed.values)
+    same = {key: value for key, value in same.items() if np.any(value != infos[key].null)}
+    return dataclasses.replace(seed, values={**seed.values, **same})
 
 
 def _effect(candidate: Candidate) -> AbstractEffect:

@@ -16,7 +16,9 @@ _KINDS = {
     "direction_dependent_friction": "direction-dependent friction",
     "position_dependent_friction": "position-dependent friction",
     "position_direction_friction": "position- and direction-dependent friction",
+    "load_dependent_friction": "load-dependent friction",
     "length_dependent_damping": "length-dependent damping",
+    "power_law_damping": "power-law damping",
 }
 """Kinds that need more than blanks between their words."""
 

@@ -1,6 +1,7 @@
 """The room of an experiment: voltages, rail, rope and swing as far as recordings went, and what sets an axis going."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
@@ -8,8 +9,9 @@ import numpy as np
 
 from .._types import AXES, Axes
 from ..identification.problem import Setting, scene_of
+from ..model.effects.base import AbstractHysteresis
 from ..model.effects.drives import DeadZone
-from ..model.effects.friction import PreslidingFriction
+from ..model.effects.friction import LoadDependentFriction
 from ..model.plant import Plant
 
 _MARGIN = 0.02
@@ -90,8 +92,10 @@ def _starts(plant: Plant, axis: str, middle: Mapping[str, float]) -> tuple[float
     """Inputs from which on an axis at rest moves forwards, and backwards."""
     q = Axes(*(jnp.asarray(middle[name]) for name in AXES))
     rest = Axes(*(jnp.zeros(()) for _ in AXES))
-    up, down = plant.friction_levels(jnp.zeros(()), q, rest)
-    hidden = sum(float(e.level) for e in plant.all(PreslidingFriction) if axis == "x")
+    up, down = plant.friction_levels(jnp.zeros(()), q, rest, rest)
+    site = "cart" if axis == "x" else "hoist"
+    share = sum(float(e.share) for e in plant.all(LoadDependentFriction, site))
+    hidden = sum((float(e.level) for e in plant.all(AbstractHysteresis, site)), start=0.0)
     bridge = plant.bridge
     gain = float(bridge.cart_gain if axis == "x" else bridge.hoist_gain)
     weight = 0.0 if axis == "x" else float(bridge.load_mass * bridge.gravity)
@@ -99,5 +103,7 @@ def _starts(plant: Plant, axis: str, middle: Mapping[str, float]) -> tuple[float
     width = sum(float(e.positive) for e in dead), sum(float(e.negative) for e in dead)
     forwards = (float(getattr(up, axis)) + hidden - weight) / gain
     backwards = -(float(getattr(down, axis)) + hidden + weight) / gain
+    # Friction that grows with the drive's force takes a share of it, either way.
+    forwards, backwards = forwards / (1.0 - math.copysign(share, forwards)), backwards / (1.0 - share)
     # Where weight alone pays the rope out, the winch must hold it back, from behind the other end of the dead zone.
     return forwards + width[0] if forwards >= 0 else forwards - width[1], backwards - width[1]

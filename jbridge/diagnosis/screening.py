@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..identification.estimation import Problem
 from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
-from ..model.effects.base import AXIS_OF_SITE
-from ..model.effects.friction import MAP_KNOTS
+from ..model.effects.base import AXIS_OF_SITE, MAP_KNOTS
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE, Candidate
@@ -119,9 +118,14 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
         left = problem.residuals(among.space.engine, among.point)
-        bridge = among.space.own.bridge
-        fade = float(bridge.cart_damping / bridge.cart_mass)
+        b = among.space.own.bridge
+        fades = {
+            "x": float(b.cart_damping / b.cart_mass),
+            "psi": 0.0,
+            "l": float(b.hoist_damping / (b.winch_mass + b.load_mass)),
+        }
         for own in crowded:
+            fade = fades[AXIS_OF_SITE[own[0].site]]
             order = np.argsort(-_regressed(problem, left, own, fade), kind="stable")
             out += [own[int(i)] for i in order[:_MOST_STARTS]]
     return out
@@ -136,7 +140,7 @@ def _regressed(
         problem: recordings.
         left: what the model leaves, by tiling.
         own: places to start one effect from.
-        fade: the cart's damping over its mass [1/s].
+        fade: the axis' damping over its mass [1/s].
     """
     data = problem.data
     k = AXES.index(AXIS_OF_SITE[own[0].site])
@@ -150,7 +154,10 @@ def _regressed(
             if len(rows) < 8:
                 continue
             t, y = grid.times[rows], data.y[tiling.recording, rows, k]
-            s = np.stack([_shapes(c, t, y, fade) for c in own])
+            u = np.zeros(len(rows))
+            if own[0].site.endswith("_drive"):
+                u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if AXES[k] == "x" else 1]
+            s = np.stack([_shapes(c, t, y, u, fade) for c in own])
             q, _ = np.linalg.qr((t - t[0])[:, None] ** np.arange(3))
             r = residual[rows, k] - q @ (q.T @ residual[rows, k])
             s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
@@ -162,8 +169,10 @@ def _regressed(
     return explained
 
 
-def _shapes(candidate: Candidate, t: NDArray[np.float64], y: NDArray[np.float64], fade: float) -> NDArray[np.float64]:
-    """What an effect adds to a reading, in any unit, `(shape, sample)`."""
+def _shapes(
+    candidate: Candidate, t: NDArray[np.float64], y: NDArray[np.float64], u: NDArray[np.float64], fade: float
+) -> NDArray[np.float64]:
+    """What an effect adds to a reading, in any unit, `(shape, sample)`; `u` is the input of its drive."""
     values = candidate.values
     if "time" in values:
         return (t >= float(values["time"])).astype(float)[None]
@@ -175,6 +184,8 @@ def _shapes(candidate: Candidate, t: NDArray[np.float64], y: NDArray[np.float64]
         return _response(t, np.maximum(beyond if values["end"] == "high" else -beyond, 0.0), fade)[None]
     angle = 2 * np.pi * y / float(values["period"])
     shapes = np.stack([np.sin(angle), np.cos(angle)])
+    if candidate.site.endswith("_drive"):
+        shapes = shapes * u
     return shapes if candidate.site.endswith("sensor") else np.stack([_response(t, s, fade) for s in shapes])
 
 

@@ -23,7 +23,7 @@ from .criteria import CRITERIA
 from .moves import AT_ONCE, Move, added, axis_of, refinements, removals, simplifications, together, with_mechanisms
 from .screening import seen_among_all
 from .space import is_apart, proposals
-from .structure import Structure, accepts, leaves_nothing, weighed
+from .structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
 
 _SOME = 3
 """Recordings on which proposals are screened and first refitted."""
@@ -63,6 +63,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
         # What a larger model gains must not be what more iterations gain.
         [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
+        point = problem.solved_anew(now.space.engine, point)
         now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {so_far}")
@@ -86,7 +87,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         forget_if_large()
     if stopped != "interrupted":
         [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
-        held[-1] = weighed(problem, dataclasses.replace(held[-1], point=point))
+        held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 

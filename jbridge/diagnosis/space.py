@@ -2,7 +2,7 @@
 
 Effects without a coordinate of their own stand side by side in one plant, absent at their null values. Which of them a
 model has is which of their parameters are free, so that one program serves every model of a search. Mechanisms, and
-friction with a hidden spring, would slow that program down; each has one of its own.
+what has a hidden spring, would slow that program down; each has one of its own.
 """
 
 import dataclasses
@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 from ..identification.estimation import Problem, engine_for
 from ..identification.problem import Setting, scene_of
 from ..identification.sensitivity import Engine
-from ..model.effects.base import AbstractMechanism, parameters_of
+from ..model.effects.base import AbstractHysteresis, AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
-from ..model.effects.friction import PreslidingFriction
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import Candidate, candidates
 
 Name = tuple[str, str]
 """Kind and site of an effect."""
-_APART = (AbstractMechanism, PreslidingFriction)
+_APART = (AbstractMechanism, AbstractHysteresis)
 
 
 def is_apart(kind: str) -> bool:

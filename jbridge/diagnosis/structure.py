@@ -83,6 +83,31 @@ def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
     return float(sum(np.clip(share[i], 0.0, 1.0) if i in levels else 1.0 for i in added))
 
 
+_LEVELS = ("positive", "negative", "levels")
+"""Keys of the levels of a friction law, to each of which a plain friction of the axis adds its own."""
+
+
+def with_own_levels(structure: Structure) -> Structure:
+    """The same laws with the smallest level of each added friction at zero and held there, where a plain friction
+    beside it takes what is common to all: its level and theirs could not be told apart otherwise."""
+    table, vector = structure.space.table, structure.point.vector.copy()
+    free = [int(p) for p in structure.point.free]
+    for kind, site in structure.names:
+        plain = f"coulomb_friction@{site}.level"
+        groups = [f"{kind}@{site}.{key}" for key in structure.keys[kind, site] if key in _LEVELS]
+        places = [p for group in groups for p in table.positions(group)]
+        if kind == "coulomb_friction" or not places or plain not in table.names():
+            continue
+        [common] = table.positions(plain)
+        smallest = min(places, key=lambda p: vector[p])
+        if common in free and set(places) <= set(free):
+            vector[common] += vector[smallest]
+            vector[places] -= vector[smallest]
+            free.remove(smallest)
+    point = dataclasses.replace(structure.point, vector=vector, free=np.array(free, np.int64))
+    return dataclasses.replace(structure, point=point)
+
+
 def accepts(now: Structure, then: Structure) -> bool:
     if not then.value < now.value:
         return False

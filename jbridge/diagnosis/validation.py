@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from .._types import AXES
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, engine_for
 from ..identification.evaluation import Evaluation, Judge, make_judge, scatter
@@ -96,14 +95,15 @@ class Validation:
         return float(np.mean(list(self.explained.values()))) if self.explained else None
 
     def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float]:
-        """Error over noise, or over measured scatter where that is larger: the largest, its channel and horizon."""
+        """Error over what the true model would leave, or over measured scatter where that is larger: the largest, its
+        channel and horizon."""
         out = (0.0, "", 0.0)
         for run in evaluations:
             for horizon in run.horizons:
                 spread = self.scatter.get(horizon) or {}
-                noise, errors = _noise(run), run.errors(horizon)
+                foreseen, errors = run.foreseen(horizon), run.errors(horizon)
                 for axis, error in errors.items():
-                    ratio = error / max(noise[axis], spread.get(axis, 0.0))
+                    ratio = error / max(foreseen[axis], spread.get(axis, 0.0))
                     if ratio > out[0]:
                         out = (ratio, axis, horizon)
         return out
@@ -118,15 +118,6 @@ class Validation:
         if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
         return "unknown", False
-
-
-def _noise(run: Evaluation) -> dict[str, float]:
-    noise = run.data.noise
-    return {
-        axis: float(np.sqrt(np.nanmean(noise[:, k] ** 2)))
-        for k, axis in enumerate(AXES)
-        if not np.isnan(noise[:, k]).all()
-    }
 
 
 def validate(

@@ -113,14 +113,15 @@ def verdict_sentence(
         verdict: `adequate`, `missing_physics`, `unknown`, or None where the search was interrupted.
         effects: what was named.
         explained: share of the hold-out's error that confirmed ones close; None where there is none to close.
-        worst: the largest error over noise or scatter of the final model, its channel, and the horizon [s].
+        worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
+            [s].
         remains: that error with its unit.
         complete: whether what remains is noise or measured scatter.
         stopped: why the search ended.
     """
     ratio, axis, horizon = worst
     where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
-    left = f"{remains} in the {_CHANNEL_WORDS.get(axis, axis)} {where}, is {_times(ratio)} times the noise"
+    left = f"{remains} in the {_CHANNEL_WORDS.get(axis, axis)} {where}, is {_times(ratio)} times what noise explains"
     late = " The time was over before the search had ended: give it more with --budget." if stopped == "budget" else ""
     if verdict is None:
         named = listed([e for e in effects])

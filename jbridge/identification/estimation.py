@@ -5,7 +5,6 @@ the motion; nothing is refused because a free run falls or runs away. Longer win
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,17 +13,19 @@ from numpy.typing import NDArray
 from ..model.effects.drives import InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import longest_step
+from ..model.steps import substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import Engine
+from .sensitivity import Engine, Steps
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
 """Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""
 _FIRST, _NEXT = 6, 12
 """Iterations on the shorter windows, and on all."""
+_ELSEWHERE = (1.0 / 3.0, 3.0)
+"""Lags and delays from which a fit is tried again, over those that it found."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,6 +108,31 @@ class Problem:
     def solve(self, engine: Engine, starts: Sequence[Start], iterations: int = _NEXT) -> list[Point]:
         return solve(engine, self.data, self.windows, self.likelihood, starts, iterations=iterations)
 
+    def solved_anew(self, engine: Engine, point: Point) -> Point:
+        """A point, or a better one that fits to short windows find from other lags and delays.
+
+        What a lag takes away a larger gain and damping give back in part, so that the criterion has minima at other
+        time constants than the true one: between them it rises by little, but it rises.
+        """
+        times = [int(p) for p in point.free if engine.table.entry(int(p)).info.unit == "s" and point.vector[p] > 0.0]
+        low = self.shortest()
+        states = self.states_of(point.states, low)
+        starts = [Start(point.vector, point.free, states)]
+        for place in times:
+            for factor in _ELSEWHERE:
+                vector = point.vector.copy()
+                vector[place] *= factor
+                starts.append(Start(vector, point.free, states))
+        if len(starts) == 1:
+            return point
+        here, *others = low.solve(engine, starts, _FIRST)
+        best = min(others, key=lambda p: p.value)
+        if best.value >= here.value:
+            return point
+        there = Start(best.vector, best.free, self.states_with(point.states, low, best.states))
+        [found] = self.solve(engine, [there])
+        return min(point, found, key=lambda p: p.value)
+
     def evaluate(self, engine: Engine, starts: Sequence[Start]) -> list[Point]:
         return evaluate(engine, self.data, self.windows, self.likelihood, starts)
 
@@ -145,8 +171,8 @@ def engine_for(
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    step = longest_step(plant, setting.step)
-    return Engine(plant, courses, max(1, math.ceil(data.period / step - 1e-6)), len(data.tilings), given, width, lanes)
+    steps = Steps(substeps(plant, data.period), setting.fine)
+    return Engine(plant, courses, steps, len(data.tilings), given, width, lanes)
 
 
 def start_of(problem: Problem, engine: Engine, plant: Plant, known: frozenset[str]) -> Start:
@@ -177,4 +203,5 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
         start = Start(point.vector, point.free, merged)
     problem = problem.judged_by(problem.residuals(engine, start))
     [point] = problem.solve(engine, [start])
+    point = problem.solved_anew(engine, point)
     return problem, FittedModel(engine.table.unravel(point.vector), known, point, engine)

@@ -20,7 +20,7 @@ from .estimation import engine_for
 from .likelihood import Index, index, likelihood
 from .problem import Setting, resolve, setting_of
 from .result import Errors
-from .sensitivity import Engine, Job
+from .sensitivity import Engine, Job, Sensitivity
 from .solver import Start, evaluate, residuals, solve
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
@@ -44,6 +44,10 @@ class Evaluation:
     """Free run of each recording, `(sample, 3)`."""
     left: tuple[NDArray[np.float64], ...]
     """What each tiling leaves over the noise, `(sample, 3)`; 0 outside of its windows."""
+    undetermined: NDArray[np.float64]
+    """Mean variance of a window's prediction, by window and channel, over the noise's: what the half second before it
+    leaves open of its initial state, carried on. A wide swing's period hangs on its amplitude, so a small part of the
+    noise grows over a long recording, whatever the model."""
 
     @property
     def horizons(self) -> tuple[float, ...]:
@@ -66,6 +70,21 @@ class Evaluation:
             if count.any():
                 squares = self.square[own, k] * self.noise()[own, k] ** 2
                 out[axis] = float(np.sqrt(np.sum(squares * count) / np.sum(count)))
+        return out
+
+    def foreseen(self, horizon: float) -> dict[str, float]:
+        """Root mean square error that the true model stays below in 19 of 20 such recordings, by channel [m, rad, m]:
+        the noise, and what is not determined of initial states."""
+        own, out = self.of(horizon), {}
+        for k, axis in enumerate(AXES):
+            count = self.windows.count[own, k]
+            if count.any():
+                noise = self.noise()[own, k] ** 2 * count
+                # A window's error comes from two numbers mostly, an angle and its rate: its square has their two
+                # degrees of freedom, a mean like its standard deviation.
+                state = self.undetermined[own, k] * noise
+                total = np.sum(noise) + np.sum(state) + 2.0 * np.sqrt(np.sum(state**2))
+                out[axis] = float(np.sqrt(total / np.sum(count)))
         return out
 
     def typical(self, horizon: float) -> dict[str, float]:
@@ -136,7 +155,8 @@ class Judge:
         [run] = evaluate(engine, self.data, windows, counted, [start])
         every = residuals(engine, self.data, start)
         left = tuple(_counted(own, t) for own, t in zip(every, self.data.tilings, strict=True))
-        return Evaluation(self.data, windows, run.square, tuple(self.free_runs(engine, start)), left)
+        free, undetermined = tuple(self.free_runs(engine, start)), self._undetermined(engine, start)
+        return Evaluation(self.data, windows, run.square, free, left, undetermined)
 
     def start(self, engine: Engine, vector: NDArray[np.float64]) -> Start:
         """A model with the initial state of each window, estimated from the half second before it.
@@ -149,6 +169,35 @@ class Judge:
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
         [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
         return point.start
+
+    def _undetermined(self, engine: Engine, start: Start) -> NDArray[np.float64]:
+        """See `Evaluation`; to first order."""
+        tilings = self.data.tilings
+        jobs = [Job(start.vector, t.recording, t.begins, start.states[k]) for k, t in enumerate(tilings)]
+        out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
+
+        def take(k: int, found: Sensitivity) -> None:
+            own, before = tilings[k], self.starts.tilings[k]
+            measured = self.data.measured[own.recording]
+            noise, early = (
+                np.where(np.isnan(sigma), 1.0, sigma)
+                for sigma in (self.data.noise[own.recording], self.starts.noise[own.recording])
+            )
+            tangents = np.where(measured, found.tangents, 0.0)
+            out[k] = np.zeros((own.windows, 3))
+            for w in range(own.windows):
+                precision = before.precision[w]
+                free = np.isfinite(precision)
+                seen = (tangents[free, before.begins[w] : before.stops[w]] / early).reshape(int(free.sum()), -1)
+                told = seen @ seen.T + np.diag(precision[free] ** 2)
+                unit = np.sqrt(np.maximum(np.diag(told), 1e-150))
+                covariance = np.linalg.pinv(told / np.outer(unit, unit), 1e-9, hermitian=True) / np.outer(unit, unit)
+                later = tangents[free, own.count_from[w] : own.stops[w]] / noise
+                total = np.einsum("ink,ij,jnk->k", later, covariance, later, optimize=True)
+                out[k][w] = total / np.maximum(measured[own.count_from[w] : own.stops[w]].sum(axis=0), 1)
+
+        engine.sensitivities(jobs, take)
+        return np.concatenate(out)
 
     def free_runs(self, engine: Engine, start: Start) -> list[NDArray[np.float64]]:
         """Readings of each recording's simulation as a whole, at every sample, `(sample, 3)`."""

@@ -15,6 +15,7 @@ from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
+from ..model.steps import RIGID
 from ..recordings import Recording, check_units, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned
@@ -31,13 +32,9 @@ PART_OF = {
     "gravity": "psi",
 }
 """The axis that must move for a number of the bridge to matter."""
-_STEP = 0.0051
-"""Longest integration step of the rigid bridge [s],"""
-_FINEST = 8
-"""and how many take its place at most."""
-_OWN = 1.0
-"""Error of the steps over the noise of the angle, as it is foreseen for a lasting free swing. It goes with the square
-of the step, and what is not seen beside the noise must not look like another length of rope either."""
+_OWN = 0.1
+"""Error of the midpoint method's steps over the noise of the angle, as it is foreseen for a lasting free swing, up to
+which it serves. A thousand samples tell of an error that much smaller than the noise of one of them."""
 _TRAVEL = 0.05
 """Way of a cart [m] that no rope takes without swinging."""
 
@@ -55,8 +52,8 @@ class Setting:
     """Unit of each input."""
     length: float
     """Mean rope length of the recordings [m]."""
-    step: float = _STEP
-    """Longest integration step of the rigid bridge [s]."""
+    fine: bool = False
+    """Whether swings are so wide that steps must be of order 4."""
 
     @property
     def period(self) -> float:
@@ -107,8 +104,8 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
-    step = min((_step_for(r, noise["psi"], plant) for r in everything if r.psi is not None), default=_STEP)
-    return Setting(tuple(recordings), tuple(holdout), noise, _moving(everything), units, length, step)
+    fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
+    return Setting(tuple(recordings), tuple(holdout), noise, _moving(everything), units, length, fine)
 
 
 def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -121,10 +118,10 @@ def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if moving[axis])
 
 
-def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
-    """A step [s] whose own error, in a free swing like the recorded one, is small beside the angle's noise [rad].
+def _drifts(recording: Recording, noise: float, plant: Plant) -> bool:
+    """Whether the midpoint method's own error, in a free swing like the recorded one, shows beside the noise [rad].
 
-    The method of two stages makes a swing of frequency `w` and amplitude `A` too fast by `(w h)^2 A^2 / 25` of it, 5 %
+    The method makes a swing of frequency `w` and amplitude `A` too fast by `(w h)^2 A^2 / 25` of it, 5 %
     of `(w h)^2` at most, as periods of simulated swings say. Where one is long, and wide or quick, no other start makes
     up for that, and it would seem to hang on another length of rope.
     """
@@ -133,7 +130,7 @@ def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
     times, weights = recording.times - recording.start, size**2 + 1e-12
     length = recording.locked_length if recording.l is None else float(np.average(recording.l, weights=weights))
     if length is None or not length > 0.0:
-        return _STEP
+        return False
     # A later or earlier start takes up a part of it.
     late = times - np.average(times, weights=weights)
     bridge = plant.bridge
@@ -142,7 +139,7 @@ def _step_for(recording: Recording, noise: float, plant: Plant) -> float:
     frequency = float(np.sqrt(bridge.gravity / length * (1.0 + share)))
     amplitude = np.sqrt(4.0 / 3.0 * np.mean(size**4) / max(float(np.mean(size**2)), 1e-12))
     fast = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) * min(float(amplitude) ** 2 / 25.0, 0.05)
-    return max(min(_STEP, float(np.sqrt(_OWN * noise / max(fast, 1e-12)))), _STEP / _FINEST)
+    return fast * RIGID**2 > _OWN * noise
 
 
 def _check_sensors(recordings: Sequence[Recording]) -> None:
@@ -292,6 +289,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         bridge={
             "cart_mass": float(plant.bridge.cart_mass),
             "load_mass": float(plant.bridge.load_mass),
+            "winch_mass": float(plant.bridge.winch_mass),
             "gravity": float(plant.bridge.gravity),
         },
         friction=friction,

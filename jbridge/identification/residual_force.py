@@ -198,17 +198,13 @@ def _left_over(
     loaded: bool, plant: Plant, t: Float[Array, " time"], q: Axes, v: Axes, a: Axes, volts: Axes
 ) -> tuple[Axes, Axes, Axes]:
     """Forces that no part of the plant gives, and its friction levels up and down, at every time."""
-    b = plant.bridge
 
     def at(t: Scalar, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
-        m = b.mass_matrix(q)
-        if not loaded:
-            m = m._replace(xx=m.xx - b.load_mass)
+        m, bias = plant.inertia(q, v, 1.0 if loaded else 0.0)
         needed = m @ a
-        bias = b.bias(q, v)
         force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
         drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q))
-        up, down = plant.friction_levels(t, q, v)
+        up, down = plant.friction_levels(t, q, v, plant.loads(q, v, drive))
         rest = Axes(*(n + c - f - r - d for n, c, f, r, d in zip(needed, bias, force, resistance, drive, strict=True)))
         return rest, up, down
 

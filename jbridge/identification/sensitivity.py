@@ -10,6 +10,7 @@ columns (fewer where an axis does not move) serve all windows of a recording tog
 as well.
 """
 
+import dataclasses
 import functools
 import math
 import os
@@ -29,7 +30,7 @@ from ..model.effects.base import AbstractSensor
 from ..model.effects.sensors import SensorDelay, SensorScale
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
-from ..rollout import MIDPOINT, Interval, Motions, advance, read, sample_times, start, timetable
+from ..rollout import MIDPOINT, RK4, Interval, Motions, advance, read, sample_times, start, timetable
 from .data.windows import Course
 
 STATES = 6
@@ -70,6 +71,16 @@ class Sensitivity(NamedTuple):
     """Their derivatives by the free parameters and by the six numbers of a beginning, `(column, sample, 3)`."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Steps:
+    """How time passes."""
+
+    number: int
+    """Integration steps in each interval."""
+    fine: bool = False
+    """Whether they are of the classical method of order 4, at twice the cost of the midpoint method."""
+
+
 class Engine:
     """Compiled simulations of one plant structure, or of all structures that lack some of its effects."""
 
@@ -77,7 +88,7 @@ class Engine:
         self,
         plant: Plant,
         courses: Sequence[Course],
-        substeps: int,
+        steps: Steps,
         jobs: int,
         given: int | None = None,
         width: int = 0,
@@ -86,7 +97,7 @@ class Engine:
         """Args:
         plant: gives the structure, and the numbers at which effects are absent.
         courses: inputs of the recordings.
-        substeps: integration steps in each interval.
+        steps: how time passes.
         jobs: simulations that are usually wanted at a time.
         given: number of effects, from the first, that all structures have; of the others a simulation computes those
             alone of which some number is free or not the plant's. By default all structures have all.
@@ -96,7 +107,7 @@ class Engine:
         self.table = ParameterTable(plant)
         self._absent = np.array(self.table.ravel(plant), dtype=float)
         self._given = None if given is None else np.arange(len(plant.effects)) < given
-        self.substeps = substeps
+        self.steps = steps
         self.count = len(courses)
         # Enough for all processors, and mostly the same, so that programs serve other recordings as well.
         self.lanes = lanes or (_LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS)))
@@ -193,7 +204,7 @@ class Engine:
             courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
             begun = np.eye(STATES)[self._moving]
             given = (vectors, towards, begun, courses, restart, states, present)
-            return tuple(np.asarray(part) for part in program(self.table, *given, self.substeps))
+            return tuple(np.asarray(part) for part in program(self.table, *given, self.steps))
 
         with ThreadPoolExecutor(_THREADS) as pool:
             # Few calls wait in memory at a time.
@@ -214,10 +225,10 @@ def _predicted(
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
     present: Bool[Array, " effect"] | None,
-    substeps: int,
+    steps: Steps,
 ) -> tuple[Array]:
     def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-        return _simulated(table, vector, course, restart, states, present, substeps)
+        return _simulated(table, vector, course, restart, states, present, steps)
 
     return (jax.vmap(one)(vectors, courses, restart, states),)
 
@@ -232,11 +243,11 @@ def _pushed(
     restart: Float[Array, "lane sample"],
     states: Float[Array, "lane sample state"],
     present: Bool[Array, " effect"] | None,
-    substeps: int,
+    steps: Steps,
 ) -> tuple[Array, Array]:
     def all_lanes(vectors: Array, states: Array) -> Array:
         def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-            return _simulated(table, vector, course, restart, states, present, substeps)
+            return _simulated(table, vector, course, restart, states, present, steps)
 
         return jax.vmap(one)(vectors, courses, restart, states)
 
@@ -258,7 +269,7 @@ def _simulated(
     restart: Float[Array, " sample"],
     states: Float[Array, "sample state"],
     present: Bool[Array, " effect"] | None,
-    substeps: int,
+    steps: Steps,
 ) -> Float[Array, "sample 3"]:
     """Readings of one recording, with the measured coordinates set anew where `restart` is 1."""
     plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
@@ -266,13 +277,14 @@ def _simulated(
     lane = course.lane
     times = sample_times(lane.start, lane.dt)
     q, v = _behind_sensors(plant, times, states)
-    told, lags = timetable(plant, lane, substeps, cut=False)
+    told, lags = timetable(plant, lane, steps.number, cut=False)
+    method = RK4 if steps.fine else MIDPOINT
     first = start(plant, jnp.stack([*(part[0] for part in q), *(part[0] for part in v)]), lags, lane.active)
 
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
         told, begins, q, v = now
         carry = _set(carry, begins, q, v)
-        after = _bounded(advance(plant, carry, told, lane.active, method=MIDPOINT, looped=True))
+        after = _bounded(advance(plant, carry, told, lane.active, method=method, looped=True))
         return after, (carry.q, carry.v)
 
     along = jax.tree.map(lambda part: part[:-1], (restart, q, v))

@@ -93,7 +93,7 @@ def solve(
             criterion.
     """
     low_all, high_all = engine.table.bounds()
-    points = evaluate(engine, data, windows, likelihood, starts)
+    points = _from_first_guesses(engine, data, windows, likelihood, evaluate(engine, data, windows, likelihood, starts))
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
@@ -386,13 +386,32 @@ def _kept_where_better(
     )
     out = list(after)
     for i, former in zip(worse, again, strict=True):
-        new = after[i]
-        better = likelihood.by_window(former.square).sum(axis=1) < likelihood.by_window(new.square).sum(axis=1)
-        states = tuple(
-            np.where(better[windows.tiling == k][:, None], former.states[k], new.states[k])
-            for k in range(len(data.tilings))
-        )
-        square = np.where(better[:, None], former.square, new.square)
-        out[i] = dataclasses.replace(new, states=states, square=square, value=likelihood.value(square))
-        refused[i] = better
+        out[i], refused[i] = _better_by_window(windows, likelihood, after[i], former)
     return out, refused
+
+
+def _from_first_guesses(
+    engine: Engine, data: Data, windows: Index, likelihood: Likelihood, points: Sequence[Point]
+) -> list[Point]:
+    """The points with, for each window, the initial state in hand or its first guess, whichever meets it better.
+
+    A model that lacks much pulls initial states into basins that better parameters alone do not lead out of: those of a
+    cart that is held a moment longer.
+    """
+    guesses = tuple(t.states for t in data.tilings)
+    again = evaluate(engine, data, windows, likelihood, [Start(p.vector, p.free, guesses) for p in points])
+    return [_better_by_window(windows, likelihood, p, q)[0] for p, q in zip(points, again, strict=True)]
+
+
+def _better_by_window(
+    windows: Index, likelihood: Likelihood, point: Point, other: Point
+) -> tuple[Point, NDArray[np.bool_]]:
+    """A point with the initial states of another one, of the same parameters, where these meet a window better, and
+    where they do."""
+    better = likelihood.by_window(other.square).sum(axis=1) < likelihood.by_window(point.square).sum(axis=1)
+    states = tuple(
+        np.where(better[windows.tiling == k][:, None], theirs, own)
+        for k, (own, theirs) in enumerate(zip(point.states, other.states, strict=True))
+    )
+    square = np.where(better[:, None], other.square, point.square)
+    return dataclasses.replace(point, states=states, square=square, value=likelihood.value(square)), better

@@ -19,8 +19,7 @@ from ..errors import listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
 from .effects.catalogue import KINDS, make_effect
-from .effects.flexible import Backlash, BeltCompliance, DoublePendulum
-from .effects.friction import PreslidingFriction
+from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash
 from .parameters import ParameterTable, bridge_keys
 from .plant import Plant
 
@@ -189,8 +188,7 @@ def _check_vectors(where: Where, values: Mapping[str, Any], infos: Mapping[str, 
 def _check_plant(file: Where, plant: Plant, given: Collection[str]) -> None:
     """Refuses effects that cannot stand together, and parts heavier than their sum."""
     try:
-        _ = plant.drive_train
-        plant.only(PreslidingFriction)
+        _ = plant.drive_train, plant.rope_end, plant.hysteresis
         for mechanism in plant.mechanisms:
             plant.only(type(mechanism))
     except ValueError as error:
@@ -199,6 +197,7 @@ def _check_plant(file: Where, plant: Plant, given: Collection[str]) -> None:
         (DoublePendulum, "hook_mass", "load_mass"),
         (BeltCompliance, "motor_mass", "cart_mass"),
         (Backlash, "motor_mass", "cart_mass"),
+        (HoistBacklash, "motor_mass", "winch_mass"),
     ]
     for cls, part, whole in parts:
         effect = plant.only(cls)

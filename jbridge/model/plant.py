@@ -26,11 +26,12 @@ from .effects.base import (
     AbstractEffect,
     AbstractForce,
     AbstractFriction,
+    AbstractHysteresis,
     AbstractMechanism,
 )
-from .effects.drives import ActuatorLag, DrumRadiusChange
-from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
-from .effects.friction import PreslidingFriction
+from .effects.bodies import AbstractBody
+from .effects.drives import ActuatorLag, DrumRadiusChange, TorqueRipple
+from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 
 E = TypeVar("E", bound=AbstractEffect)
 T = TypeVar("T")
@@ -68,8 +69,9 @@ class Push(NamedTuple):
     down: Axes
 
 
+_Inertia: TypeAlias = tuple[Symmetric, Axes]
 _Pair: TypeAlias = tuple[Scalar, Scalar]
-_Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
+_Four: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 class Plant(eqx.Module):
@@ -116,6 +118,23 @@ class Plant(eqx.Module):
         return belt if belt is not None else play
 
     @property
+    def rope_end(self) -> RopeElasticity | HoistBacklash | None:
+        """What parts the load's end of the rope from the winch's motor."""
+        rope, play, train = self.only(RopeElasticity), self.only(HoistBacklash), self.drive_train
+        if rope is not None and play is not None:
+            raise ValueError("rope_elasticity and hoist_backlash both stand between winch and load: keep one of them")
+        if play is not None and train is not None:
+            raise ValueError(f"hoist_backlash and {train.kind} are contacts of two drives at once: keep one of them")
+        return rope if rope is not None else play
+
+    @property
+    def hysteresis(self) -> AbstractHysteresis | None:
+        kinds = list(dict.fromkeys(effect.kind for effect in self.all(AbstractHysteresis)))
+        if len(kinds) > 1:
+            raise ValueError(f"{' and '.join(kinds)} both hold the cart with a hidden spring: keep one of them")
+        return self.only(AbstractHysteresis)
+
+    @property
     def mechanisms(self) -> tuple[AbstractMechanism, ...]:
         return tuple(self.all(AbstractMechanism))
 
@@ -124,17 +143,25 @@ class Plant(eqx.Module):
         """Hidden states that follow those of the axes in an initial-state vector, by name and in order."""
         found = {
             "motor": self.drive_train,
-            "loaded": self.only(RopeElasticity),
+            "loaded": self.rope_end,
             "phi": self.only(DoublePendulum),
-            "spring": self.only(PreslidingFriction),
+            "spring": self.hysteresis,
         }
         return tuple(name for name, effect in found.items() if effect is not None)
 
     def drive_forces(self, volts: Axes, q: Motion) -> Axes:
         """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored."""
-        del q
         zero = jnp.zeros_like(volts.x)
-        return Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
+        force = Axes(self.bridge.cart_gain * volts.x, zero, self.bridge.hoist_gain * volts.l)
+        for effect in self.all(TorqueRipple):
+            axis = AXIS_OF_SITE[effect.site]
+            place = getattr(q.at_drives(), axis)
+
+            def rippled(force: Scalar, effect: TorqueRipple = effect, place: Scalar = place) -> Scalar:
+                return force * effect.gain(place)
+
+            force = force._replace(**{axis: self.after(rippled, getattr(force, axis), effect)})
+        return force
 
     def drum_gain(self, length: Scalar) -> Scalar:
         """Relative gain of the winch at a rope length [m]."""
@@ -151,6 +178,32 @@ class Plant(eqx.Module):
             found[axis] = found[axis] + effect.time_constant
         return Axes(found["x"], jnp.zeros(()), found["l"])
 
+    def inertia(
+        self, q: Axes, v: Axes, loaded: Scalar | float, swing: tuple[Scalar, Scalar] | None = None
+    ) -> tuple[Symmetric, Axes]:
+        """`M(q)` and `bias(q, v)` of the bridge with the bodies that swing beside its load.
+
+        Args:
+            q, v: positions and velocities at the load.
+            loaded: 1 where a load hangs from the cart, 0 for a cart alone, which carries none.
+            swing: sine and cosine of `q.psi`, where they are known already.
+        """
+        turned = sincos(q.psi) if swing is None else swing
+        m, bias = self.bridge.mass_matrix(q, turned), self.bridge.bias(q, v, turned)
+        m = m._replace(xx=m.xx - self.bridge.load_mass * (1.0 - loaded))
+        for body in self.all(AbstractBody):
+
+            def swings(parts: _Inertia, body: AbstractBody = body) -> _Inertia:
+                own, pull = body.mass_matrix(turned), body.bias(v, self.bridge.gravity, turned)
+                own = own._replace(xx=loaded * own.xx)
+                return (
+                    Symmetric(*(a + b for a, b in zip(parts[0], own, strict=True))),
+                    Axes(*(a + b for a, b in zip(parts[1], pull, strict=True))),
+                )
+
+            m, bias = self.after(swings, (m, bias), body)
+        return m, bias
+
     def stretch(self) -> Scalar:
         """Static elongation of an elastic rope under the load [m]."""
         rope = self.only(RopeElasticity)
@@ -158,15 +211,28 @@ class Plant(eqx.Module):
             return jnp.zeros(())
         return self.bridge.load_mass * self.bridge.gravity / rope.stiffness
 
-    def friction_levels(self, t: Scalar, q: Axes, v: Axes) -> tuple[Axes, Axes]:
-        """Levels against positive and against negative motion, summed over the effects of each axis."""
+    def loads(self, q: Axes, v: Axes, drive: Axes) -> Axes:
+        """What friction may grow with: the forces of the drives, and the pull on the swing's pivot [N].
+
+        Args:
+            q, v: positions and velocities at the load.
+            drive: forces of the motors [N].
+        """
+        swing, gravity = sincos(q.psi), self.bridge.gravity
+        pull = self.bridge.load_mass * (gravity * swing[1] + q.l * v.psi * v.psi)
+        for body in self.all(AbstractBody):
+            pull = pull + body.pull(v, gravity, swing)
+        return drive._replace(psi=pull)
+
+    def friction_levels(self, t: Scalar, q: Axes, v: Axes, load: Axes) -> tuple[Axes, Axes]:
+        """Levels against positive and against negative motion, of all effects of each axis under these `loads`."""
         zero = jnp.zeros_like(v.x)
         total = dict.fromkeys(Axes._fields, (zero, zero))
         for effect in self.all(AbstractFriction):
             axis = AXIS_OF_SITE[effect.site]
-            at = t, getattr(q, axis), getattr(v, axis)
+            at = t, getattr(q, axis), getattr(v, axis), getattr(load, axis)
 
-            def law(levels: _Pair, effect: AbstractFriction = effect, at: _Triple = at) -> _Pair:
+            def law(levels: _Pair, effect: AbstractFriction = effect, at: _Four = at) -> _Pair:
                 up, down = effect.levels(*at)
                 return levels[0] + up, levels[1] + down
 
@@ -218,7 +284,7 @@ class Plant(eqx.Module):
             t: time from the recording's start [s].
             q, v: positions and velocities.
             volts: inputs behind the drives' chains, in the input's unit.
-            z: relative deflection of a presliding friction, None without one.
+            z: relative deflection of a hysteresis' spring, None without one.
             active: 1 for an axis that moves, 0 for one that is locked or absent.
             first: positions and velocities at the step's beginning, from which friction and contact are judged.
             h: length of the step [s]; the mean friction over it is used.
@@ -226,28 +292,28 @@ class Plant(eqx.Module):
             push: forces and friction levels to add.
             lead: the stage's, see `rollout.Method`.
         """
-        train, rope, hook = self.drive_train, self.only(RopeElasticity), self.only(DoublePendulum)
+        train, rope, hook = self.drive_train, self.rope_end, self.only(DoublePendulum)
         b = self.bridge
         load_q, load_v = q.at_load(), v.at_load()
         # A cart alone carries no load.
         loaded = jnp.maximum(active.psi, active.l)
         swing = materialise(sincos(load_q.psi), go)
-        m = b.mass_matrix(load_q, swing)
-        xx = m.xx - b.load_mass * (1.0 - loaded) - (0.0 if train is None else train.motor_mass)
-        ll = m.ll if rope is None else m.ll - b.winch_mass
+        m, bias = self.inertia(load_q, load_v, loaded, swing)
+        xx = m.xx if train is None else m.xx - train.motor_mass
+        winch = rope.motor_mass if isinstance(rope, HoistBacklash) else b.winch_mass
+        ll = m.ll if rope is None else m.ll - winch
         m = m._replace(xx=xx, ll=ll)
-        # The rope's far end moves freely where the rope is elastic, even if the winch is locked.
+        # The rope's far end moves freely where it is parted from the winch, even if that is locked.
         block = active if rope is None else active._replace(l=loaded)
-        bias = b.bias(load_q, load_v, swing)
         force, resistance = materialise(self.smooth_forces(t, q, v), go)
         if push is not None:
             force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))
         drive = self.drive_forces(volts, q)
         at_x = drive.x + resistance.x
         at_l = drive.l + resistance.l
-        sliding = self.only(PreslidingFriction)
-        if sliding is not None and z is not None:
-            at_x = at_x - sliding.level * z
+        spring = self.hysteresis
+        if spring is not None and z is not None:
+            at_x = at_x + spring.force(q.at_drives().x, z)
         f_x = force.x - bias.x
         f_psi = force.psi + resistance.psi - bias.psi
         f_l = force.l - bias.l
@@ -255,7 +321,7 @@ class Plant(eqx.Module):
             f_x = f_x + at_x
         if rope is None:
             f_l = f_l + at_l
-        else:
+        elif isinstance(rope, RopeElasticity):
             tension = rope.stiffness * (load_q.l - q.l) + rope.damping * (load_v.l - v.l)
             f_l = f_l - tension
             at_l = at_l + tension
@@ -269,14 +335,14 @@ class Plant(eqx.Module):
 
         # Rows of the friction problem: cart (or motor), swing, hoist (or winch).
         w_x = inv.xx if train is None else active.x / train.motor_mass
-        w_l = inv.ll if rope is None else active.l / b.winch_mass
+        w_l = inv.ll if rope is None else active.l / winch
         w_xp = inv.xp if train is None else jnp.zeros_like(inv.xp)
         w_xl = inv.xl if train is None and rope is None else jnp.zeros_like(inv.xl)
         w_pl = inv.pl if rope is None else jnp.zeros_like(inv.pl)
         a_motor = None if train is None else at_x * active.x / train.motor_mass
-        a_winch = None if rope is None else at_l * active.l / b.winch_mass
+        a_winch = None if rope is None else at_l * active.l / winch
         rest = Axes(free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch)
-        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives())
+        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives(), self.loads(load_q, load_v, drive))
         if push is not None:
             positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
             negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))
@@ -285,8 +351,12 @@ class Plant(eqx.Module):
         rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
         moving = first[1].at_drives()
         rows = Rows(rest, w, moving, positive, negative)
-        thrust = None
-        if train is None:
+        thrust, pull = None, None
+        if isinstance(rope, HoistBacklash):
+            ahead, speed = first[0].l - first[0].at_load().l, moving.l - first[1].at_load().l
+            sides = Sides(ahead, speed, rest.l - free.l, (inv.xl, inv.pl, -w_l), w_l + inv.ll + _TINY)
+            f, pull = through_play(rows, sides, rope.gap, rubbing, h, lead, go)
+        elif train is None:
             f = friction(rows, rubbing, h, go)
         else:
             u = (-w_x, inv.xp, inv.xl if rope is None else jnp.zeros_like(inv.xl))
@@ -303,6 +373,10 @@ class Plant(eqx.Module):
             assert a_motor is not None
             f_block = f_block._replace(x=f_block.x + thrust)
             a_motor = a_motor - thrust * w_x
+        if pull is not None:
+            assert a_winch is not None
+            f_block = f_block._replace(l=f_block.l + pull)
+            a_winch = a_winch - pull * w_l
         change = inv @ f_block
         a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
         if to_phi is not None and a_phi is not None:
@@ -318,7 +392,7 @@ class Plant(eqx.Module):
 
 
 _TINY = 1e-30
-"""Keeps finite the thrust on a cart that is fixed."""
+"""Keeps finite the thrust on a cart, or the pull on a load, that is fixed."""
 
 
 def _with_hook(

@@ -5,18 +5,17 @@ import math
 import numpy as np
 from jaxtyping import Array
 
-from .effects.flexible import BeltCompliance, DoublePendulum, RopeElasticity
-from .effects.friction import PreslidingFriction
+from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
-_RIGID = 0.005
-"""Longest step of a rigid bridge [s]."""
+RIGID = 0.0051
+"""Longest step of a rigid bridge [s]: 5 ms by a clock that is a little slow."""
 _TURN = 0.42
 """Angle [rad] by which hidden masses may go on ringing in one step."""
 _FADE = 1.0
 """Share of its velocity that viscous damping may take from a mass in one step, judged at the step's beginning."""
 _DECIDED, _STABLE = 3, 8
-"""How often a step is halved at most: for a belt or presliding friction, decided in closed form within a step, where a
+"""How often a step is halved at most: for a belt or a hidden spring, decided in closed form within a step, where a
 longer one only blurs what acts beside them; and for what would grow from step to step otherwise."""
 
 
@@ -28,7 +27,7 @@ def longest_step(plant: Plant, rigid: float) -> float:
         rigid: the longest step of a rigid bridge [s]; hidden masses take half of it at most.
     """
     decided, explicit = _needed(plant)
-    hidden = plant.mechanisms or plant.only(PreslidingFriction) is not None
+    hidden = plant.mechanisms or plant.hysteresis is not None
     halvings = max(
         1 if hidden else 0,
         min(_halvings(rigid * decided), _DECIDED),
@@ -37,7 +36,7 @@ def longest_step(plant: Plant, rigid: float) -> float:
     return rigid / 2**halvings
 
 
-def substeps(plant: Plant, period: float, rigid: float = _RIGID) -> int:
+def substeps(plant: Plant, period: float, rigid: float = RIGID) -> int:
     """Integration steps in each `period` [s], see `longest_step`."""
     return max(1, math.ceil(period / longest_step(plant, rigid) - 1e-6))
 
@@ -49,15 +48,17 @@ def _halvings(pace: float) -> int:
 def _needed(plant: Plant) -> tuple[float, float]:
     """Steps per second: for what is decided within a step, and for what is not."""
     b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
+    play = plant.only(HoistBacklash)
     cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
+    moved = winch if rope is not None else winch + load if play is None else np.asarray(play.motor_mass)
     motor = cart if train is None else np.asarray(train.motor_mass)
     decided = squares = 0.0
-    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / (winch + load if rope is None else winch)))
+    fading = max(_most(b.cart_damping / motor), _most(b.hoist_damping / moved))
     if isinstance(train, BeltCompliance):
         decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
-    sliding = plant.only(PreslidingFriction)
-    if sliding is not None:
-        decided = max(decided, _most(sliding.stiffness / motor))
+    spring = plant.hysteresis
+    if spring is not None:
+        decided = max(decided, _most(spring.steepness() / motor))
     if rope is not None:
         ease = 1.0 / winch + 1.0 / load
         squares = _most(rope.stiffness * ease)

@@ -8,6 +8,7 @@ from ..control.compensation import Compensation
 from ..fuzzy.membership import as_number
 from ..model.effects.base import CART, CART_DRIVE, HOIST, HOIST_DRIVE, AbstractFriction
 from ..model.effects.drives import DeadZone
+from ..model.effects.friction import LoadDependentFriction
 from ..model.plant import Plant
 
 SHARE = 0.8
@@ -40,5 +41,7 @@ def _dry_friction(plant: Plant, site: str) -> float:
     """What it takes to begin sliding, on the average over places and directions [N]."""
     laws = [effect for effect in plant.effects if isinstance(effect, AbstractFriction) and effect.site == site]
     still, places = jnp.zeros(()), jnp.asarray(_PLACES[site])
-    both = [jnp.stack(jax.vmap(lambda q, law=law: law.levels(still, q, still))(places)) for law in laws]
-    return sum((float(jnp.mean(levels)) for levels in both), start=0.0)
+    both = [jnp.stack(jax.vmap(lambda q, law=law: law.levels(still, q, still, still))(places)) for law in laws]
+    # Friction that grows with the drive's force takes a share of what is given.
+    share = sum(float(law.share) for law in laws if isinstance(law, LoadDependentFriction))
+    return sum((float(jnp.mean(levels)) for levels in both), start=0.0) / (1.0 - share)

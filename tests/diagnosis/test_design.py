@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.design import _gentlest, next_experiment
+from jbridge.diagnosis.design import _gentlest, _separated_by, next_experiment
 from jbridge.diagnosis.plays import FORMS, Play, Wave, library, start_of, variants
 from jbridge.diagnosis.reach import Reach, Volts, reach_of
 from jbridge.diagnosis.separate import (
@@ -45,6 +45,16 @@ def test_voltages_stay_within_what_was_recorded(form, size):
     assert forwards == pytest.approx(0.3 + 2.7 * size if size >= 0 else 0.3 * (1 + size), abs=1e-3)
 
 
+def test_what_the_catalogue_knows_to_separate_is_said():
+    def rivals(*names):
+        return [Contender(*name, 0.5, make_plant(), (), np.zeros((0, 0))) for name in names]
+
+    pair = rivals(("sensor_offset", "l_sensor"), ("rod_inertia", "swing"))
+    assert "several rope lengths" in _separated_by(pair)[0]
+    assert _separated_by(rivals(("sensor_offset", "x_sensor"), ("rod_inertia", "swing"))) == []
+    assert _separated_by(rivals(("wrong_value", "load_mass"), ("rod_inertia", "swing"))) == []
+
+
 def test_a_library_is_about_what_the_rivals_are_about():
     assert all(set(p.waves) == {"u_x"} for p in library(REACH, {"x"}))
     assert all("u_l" in p.waves for p in library(REACH, {"l"}))
@@ -68,13 +78,13 @@ def test_reach_is_what_was_recorded():
     model = Model(make_plant(), frozenset(("cart_mass",)), frozenset(NUMBERS), {}, "m.toml")
     setting = make_setting(model, runs, ())
     plants = [
-        make_plant(("coulomb_friction", "cart", {"level": 4.0})),
+        make_plant(("load_dependent_friction", "cart", {"level": 3.0, "share": 0.25})),
         make_plant(("dead_zone", "cart_drive", {"positive": 0.5, "negative": 0.5})),
     ]
     reach = reach_of(setting, plants)
     assert reach.period == 0.01 and reach.seconds == pytest.approx(9.99)
     assert 0.3 < reach.low["x"] < 0.34 and 1.06 < reach.high["x"] < 1.1
-    # On average of 4 N over 16 N/V and of half a volt.
+    # On average of 4 N, a quarter of which rubs, over 16 N/V and of half a volt.
     drive = reach.drives["u_x"]
     assert drive.most == (pytest.approx(2.5, abs=1e-3), pytest.approx(-2.5, abs=1e-3)) and drive.rest == 0.0
     assert drive.least[0] == pytest.approx(0.5 * (0.25 + 0.5))

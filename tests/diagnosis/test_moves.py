@@ -1,13 +1,14 @@
 """Moves of the search that change a law and not a set of effects."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.moves import refinements, simplifications
-from jbridge.diagnosis.space import make_space
-from jbridge.diagnosis.structure import Structure, base_structure, weighed
+from jbridge.diagnosis.moves import refinements, simplifications, with_mechanisms
+from jbridge.diagnosis.space import make_space, proposals
+from jbridge.diagnosis.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting
@@ -62,3 +63,65 @@ def test_a_finer_map_competes_on_its_own_axis_alone(found):
 def test_a_law_that_loses_more_than_a_map_costs_is_not_tried(found):
     problem, base, now = found
     assert now.price < 100.0 and simplifications(problem, base, now) == []
+
+
+def test_levels_beside_a_plain_friction_are_told_from_it(found):
+    """The sums stay; the smallest added level is 0 and no longer estimated."""
+    problem, _, now = found
+    law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 2.0, 3.0]}
+    space = make_space(
+        problem, make_plant(("coulomb_friction", "cart", {"level": 1.5}), (*NAME, law)), KNOWN, shared=False
+    )
+    names = ["coulomb_friction@cart.level", f"{NAME[0]}@cart.positive", f"{NAME[0]}@cart.negative"]
+    free = np.array([p for name in names for p in space.table.positions(name)], np.int64)
+    point = dataclasses.replace(now.point, vector=np.array(space.table.ravel(space.plant), float), free=free)
+    after = with_own_levels(dataclasses.replace(now, space=space, point=point))
+    plain, added = after.plant.effects
+    assert float(plain.level) == 3.5
+    np.testing.assert_allclose(added.positive, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(added.negative, [3.0, 0.0, 1.0])
+    assert set(free) - set(after.point.free) == {space.table.positions(names[2])[1]}
+
+
+def cable_problem(true, name, values, free):
+    """A problem of one recording, its base, and a model with one effect beside it."""
+    inputs = np.stack([steps(400, 1), np.zeros(400)], axis=1)
+    run = play(make_plant(true), inputs, start={"x": 0.5}, seed=1)
+    plants = [make_plant(), make_plant((*name, values))]
+    setting = make_setting(Model(plants[0], KNOWN, frozenset(NUMBERS), {}, "m.toml"), [run], [])
+    problem = make_problem(setting, make_data([run], (1.0,)))
+    problem, given = fit_structure(problem, plants[0], KNOWN)
+    base = base_structure(problem, make_space(problem, plants[0], KNOWN, shared=False), given.point)
+    problem, fitted = fit_structure(problem, plants[1], KNOWN)
+    space = make_space(problem, plants[1], KNOWN, shared=False)
+    structure = Structure(space, (name,), {name: free}, {name: 0.0}, fitted.point, np.zeros(0), np.inf)
+    return problem, base, weighed(problem, structure)
+
+
+CHAIN, SPRING = ("cable_drag", "cart"), ("spring_force", "cart")
+CHAIN_KEYS, SPRING_KEYS = ("stiffness", "rest", "level", "travel"), ("stiffness", "rest")
+
+
+@pytest.mark.slow
+def test_a_law_takes_the_place_of_one_that_it_contains():
+    true = {"stiffness": 8.0, "rest": 0.4, "level": 2.0, "travel": 0.02}
+    problem, _, now = cable_problem((*CHAIN, true), SPRING, {"stiffness": 1.0, "rest": 0.5}, SPRING_KEYS)
+    apart = [c for c in proposals(problem.setting, now.plant, KNOWN) if c.name == CHAIN]
+    [move] = with_mechanisms(problem, problem, now, apart, {CHAIN: 0.0}, None, math.inf)
+    assert move.names == (CHAIN,) and [e.kind for e in move.space.plant.effects] == ["cable_drag"]
+    assert move.keys == {CHAIN: CHAIN_KEYS} and not any("spring_force" in name for name in move.numbers)
+    [point] = problem.solve(move.space.engine, [move.start], 8)
+    [found] = move.space.table.unravel(point.vector).effects
+    assert found.level == pytest.approx(true["level"], rel=0.1) and found.travel == pytest.approx(0.02, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_cable_without_a_loop_becomes_a_spring():
+    true = {"stiffness": 8.0, "rest": 0.4}
+    start = {"stiffness": 4.0, "rest": 0.5, "level": 0.2, "travel": 0.05}
+    problem, base, now = cable_problem((*SPRING, true), CHAIN, start, CHAIN_KEYS)
+    [move] = simplifications(problem, base, now)
+    assert move.names == (SPRING,) and move.keys == {SPRING: SPRING_KEYS}
+    [point] = problem.solve(move.space.engine, [move.start], 4)
+    [found] = move.space.table.unravel(point.vector).effects
+    assert found.stiffness == pytest.approx(true["stiffness"], rel=0.05)

@@ -50,14 +50,13 @@ def diagnosed(**missing):
     return diagnose(MODEL, runs, [swing("proof-1.csv", 1.85, 8, **missing), swing("proof-2.csv", 0.2, 9, **missing)])
 
 
-def test_steps_are_as_fine_as_the_swing_and_the_encoder_need():
+def test_wide_swings_ask_for_steps_of_order_4():
     runs = [swing(f"run-{i}.csv", start, i) for i, start in enumerate([2.0, 1.9])]
     setting = make_setting(MODEL, runs, [])
-    usual = make_setting(MODEL, [swing("small.csv", 0.02, 5)], []).step
-    assert setting.step < 0.6 * usual
+    assert setting.fine and not make_setting(MODEL, [swing("small.csv", 0.02, 5)], []).fine
     ratios = []
-    for step in (setting.step, usual):
-        problem = make_problem(dataclasses.replace(setting, step=step), make_data(runs, (WHOLE,)))
+    for fine in (True, False):
+        problem = make_problem(dataclasses.replace(setting, fine=fine), make_data(runs, (WHOLE,)))
         _, fitted = fit_structure(problem, MODEL.plant, MODEL.known)
         ratios.append(float(np.sqrt(fitted.point.square[:, 1].mean())))
     assert ratios[0] == pytest.approx(1.0, abs=0.06) and ratios[1] > 1.5

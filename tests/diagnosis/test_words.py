@@ -28,7 +28,8 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
         (
             said("missing_physics", [FRICTION]),
             "The model lacks physics: Coulomb friction at the cart explains 96.2 % of the hold-out's error at 1 s. "
-            "What remains, 0.4 mm in the cart position in windows of 1 s, is 13 times the noise, and has no name.",
+            "What remains, 0.4 mm in the cart position in windows of 1 s, is 13 times what noise explains, and has no "
+            "name.",
         ),
         (said("missing_physics", [FRICTION], complete=True), "What remains is noise."),
         (said("missing_physics", [FRICTION], 0.99996), "explains 99.9 % of"),
@@ -42,7 +43,7 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
             said(None, [FRICTION], stopped="interrupted"),
             "after it had found Coulomb friction at the cart; the hold-out",
         ),
-        (said("unknown", ratio=math.inf), "more than a million times the noise"),
+        (said("unknown", ratio=math.inf), "more than a million times what noise explains"),
     ],
 )
 def test_verdicts_read_as_sentences(sentence, wanted):

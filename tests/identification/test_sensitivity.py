@@ -43,7 +43,7 @@ def test_windows_are_rollouts_of_their_own():
         for begin, stop, state in zip(tiling.begins, tiling.stops, tiling.states, strict=True):
             lane = make_lane(inputs[tiling.recording][begin : stop - 1], 0.01, active=EVERY_AXIS)
             own = measure(
-                plant, lane, simulate(plant, jnp.asarray(state), lane, substeps=engine.substeps, method=MIDPOINT)
+                plant, lane, simulate(plant, jnp.asarray(state), lane, substeps=engine.steps.number, method=MIDPOINT)
             )
             # The same steps in another order of operations.
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9

@@ -304,10 +304,11 @@ def test_a_models_own_losses_are_compensated():
         ("position_direction_friction", "cart", {"knots": [0.0, 1.2], "positive": [1.0, 3.0], "negative": [2.0, 4.0]}),
         ("dead_zone", "cart_drive", {"positive": 0.2, "negative": 0.4}),
         ("stribeck_friction", "hoist", {"level": 1.0, "breakaway": 2.0, "velocity": 0.01}),
+        ("load_dependent_friction", "hoist", {"level": 0.4, "share": 0.25}),
     )
     found, n = compensation_for(plant, 0.5), NUMBERS
     np.testing.assert_allclose(found.cart, 0.5 * (0.3 + (3.0 + 2.5) / n["cart_gain"]), rtol=1e-9)
-    np.testing.assert_allclose(found.hoist, 0.5 * 2.0 / n["hoist_gain"], rtol=1e-9)
+    np.testing.assert_allclose(found.hoist, 0.5 * 2.4 / 0.75 / n["hoist_gain"], rtol=1e-9)
     np.testing.assert_allclose(found.hoist_bias, -n["load_mass"] * n["gravity"] / n["hoist_gain"], rtol=1e-12)
 
 

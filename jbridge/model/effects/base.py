@@ -3,7 +3,8 @@
 An effect is one piece of physics that a bridge may or may not have. It has a `kind`, a `site` and parameters; the
 parameter's unit, bounds and null value stand beside the field. The roles below say where an effect enters:
 
-- friction: a level of dry friction, which may depend on place, velocity and time (`AbstractFriction`);
+- friction: a level of dry friction, which may depend on place, velocity, load and time (`AbstractFriction`);
+- hysteresis: a force with a hidden spring that slips (`AbstractHysteresis`);
 - damping: a smooth force on an axis, where its drive sits (`AbstractDamping`);
 - force: a smooth force on cart and load (`AbstractForce`);
 - drive: volts in, volts out (`AbstractDrive`), plus delay, lag and drum radius, which the engine asks for by name;
@@ -14,7 +15,7 @@ parameter's unit, bounds and null value stand beside the field. The roles below 
 import abc
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -179,6 +180,35 @@ class Seed:
     together stand for a sine and a cosine."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Alike:
+    """An explanation that some recordings cannot tell from an effect."""
+
+    own_site: str
+    """Where the effect is."""
+    kind: str
+    site: str
+    recordings: str
+    """In which recordings the two look alike."""
+    separated_by: str
+    """The experiment that separates them."""
+
+
+Values = Mapping[str, Any]
+"""Numbers of an effect by key; vectors are arrays."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Contained:
+    """A simpler law at the same site, which an effect becomes at some of its values."""
+
+    kind: str
+    simpler: Callable[[Values], Values]
+    """The simpler law's estimated numbers, from the effect's."""
+    same: Callable[[Values, Values], Values]
+    """Numbers of the effect at which it is the simpler law, from that law's and its own; one for all of a vector."""
+
+
 class AbstractEffect(eqx.Module):
     """One piece of physics at one site."""
 
@@ -186,6 +216,10 @@ class AbstractEffect(eqx.Module):
     sites: eqx.AbstractClassVar[tuple[str, ...]]
     sentence: eqx.AbstractClassVar[str]
     """What a rig's owner is told; `{axis}` is filled in with the axis' name."""
+    alike: ClassVar[tuple[Alike, ...]] = ()
+    """Explanations that some recordings cannot tell from this one."""
+    contains: ClassVar[tuple[Contained, ...]] = ()
+    """Simpler laws that may take its place, and whose place it takes."""
     site: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:
@@ -202,14 +236,37 @@ class AbstractFriction(AbstractEffect):
     """Dry friction on one axis. Levels of several frictions on an axis add; the engine makes them hold at rest."""
 
     @abc.abstractmethod
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         """Largest friction against positive and against negative motion, both >= 0 [N, N m].
 
         Args:
             t: time from the recording's start [s].
             q: the axis' coordinate [m, rad].
             v: its velocity [m/s, rad/s].
+            load: force of the axis' drive, at the swing the pull on its pivot [N].
         """
+
+
+class AbstractHysteresis(AbstractEffect):
+    """A force of the cart's drive side that remembers: it has a spring, which slips as it nears its end.
+
+    The spring's relative deflection `z` in [-1, 1] is a hidden state, and depends on the way alone, not on the speed.
+    """
+
+    level: eqx.AbstractVar[Scalar]
+    """Largest force of the spring [N]."""
+
+    @abc.abstractmethod
+    def force(self, q: Scalar, z: Scalar) -> Scalar:
+        """Force [N] at a position [m] and a relative deflection."""
+
+    @abc.abstractmethod
+    def deflection(self, z: Scalar, way: Scalar) -> Scalar:
+        """`z` after some `way` [m] in one direction: exact."""
+
+    @abc.abstractmethod
+    def steepness(self) -> Scalar:
+        """Largest change of the force with the position [N/m], which bounds the length of a step."""
 
 
 class AbstractDamping(AbstractEffect):
@@ -286,6 +343,10 @@ def waves(span: float, least: int, count: int) -> list[Seed]:
         )
         for halves in range(least, least + count)
     ]
+
+
+MAP_KNOTS = 8
+"""Places of a law that is piecewise linear along an axis."""
 
 
 def uniform_knots(scene: Scene, axis: str, count: int) -> list[float]:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from .base import AbstractEffect, parameters_of
+from .bodies import RodInertia
+from .cable import CableDrag
 from .drives import (
     ActuatorLag,
     DeadZone,
@@ -12,15 +14,18 @@ from .drives import (
     GainDrift,
     InputDelay,
     Saturation,
+    TorqueRipple,
 )
-from .flexible import Backlash, BeltCompliance, DoublePendulum, RopeElasticity
+from .flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .forces import (
     ConstantForce,
     EndStop,
     LengthDependentDamping,
     LoadDrag,
     PeriodicForce,
+    PowerLawDamping,
     QuadraticDrag,
+    RailInclination,
     ResidualForce,
     SpringForce,
     Wind,
@@ -29,6 +34,7 @@ from .friction import (
     CoulombFriction,
     DirectionDependentFriction,
     FrictionDrift,
+    LoadDependentFriction,
     PositionDependentFriction,
     PositionDirectionFriction,
     PreslidingFriction,
@@ -44,20 +50,26 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         DirectionDependentFriction,
         PositionDependentFriction,
         PositionDirectionFriction,
+        LoadDependentFriction,
         PreslidingFriction,
         QuadraticDrag,
         FrictionDrift,
         ConstantForce,
+        RailInclination,
         SpringForce,
+        CableDrag,
         PeriodicForce,
         EndStop,
         LoadDrag,
         Wind,
         LengthDependentDamping,
+        PowerLawDamping,
+        RodInertia,
         RopeElasticity,
         DoublePendulum,
         BeltCompliance,
         Backlash,
+        HoistBacklash,
         DeadZone,
         Saturation,
         InputDelay,
@@ -65,6 +77,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         GainAsymmetry,
         GainDrift,
         DrumRadiusChange,
+        TorqueRipple,
         SensorOffset,
         SensorScale,
         SensorDelay,

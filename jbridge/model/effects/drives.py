@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._math import sincos
 from ..._types import Scalar
-from .base import AXIS_OF_SITE, CART_DRIVE, HOIST_DRIVE, AbstractDrive, AbstractEffect, Scene, Seed, parameter
+from .base import AXIS_OF_SITE, CART_DRIVE, HOIST_DRIVE, AbstractDrive, AbstractEffect, Scene, Seed, parameter, waves
 
 _DRIVES = (CART_DRIVE, HOIST_DRIVE)
 
@@ -140,3 +141,29 @@ class DrumRadiusChange(AbstractEffect):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         return [Seed({"length": scene.length}, ("slope",))]
+
+
+class TorqueRipple(AbstractEffect):
+    """Gain `1 + amplitude sin(2 pi q / period + phase)`, `q` at the motor: poles and commutation, felt under load.
+
+    `periodic_force` is there without an input, too, as cogging is; this one grows with the motor's force (Jahns and
+    Soong, Pulsating torque minimization techniques for permanent magnet AC motor drives, 1996). It comes last, behind
+    the lag, since the motor's angle changes what its current does.
+    """
+
+    kind: ClassVar[str] = "torque_ripple"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a {axis} whose strength repeats with the motor's angle"
+    amplitude: Scalar = parameter("1", "relative amplitude", low=-1.0, high=1.0)
+    period: Scalar = parameter("{position}", "distance after which it repeats", null=0.1, low=1e-3)
+    phase: Scalar = parameter("rad", "phase at the origin")
+    site: str = eqx.field(static=True)
+
+    def gain(self, q: Scalar) -> Scalar:
+        """Relative gain at the motor's place [m]."""
+        sine, _ = sincos(2 * jnp.pi * q / self.period + self.phase)
+        return 1.0 + self.amplitude * sine
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return waves(max(scene.span(AXIS_OF_SITE[site]), 1e-2), 3, 40)

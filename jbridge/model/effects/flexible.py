@@ -100,3 +100,29 @@ class Backlash(AbstractMechanism):
             for encoder in ("cart", "motor")
             for gap in (2e-4, 7e-4, 3e-3)
         ]
+
+
+class HoistBacklash(AbstractMechanism):
+    """Free play `gap` in total between the winch's motor and its drum, inelastic contact; friction acts at the motor.
+
+    `l` is the length that the motor pays out; the load hangs at most `gap/2` below or above it, and at rest below.
+    `winch_mass` is the sum of motor and drum. The load's weight keeps the play closed unless the motor pays out faster
+    than the load falls, or the swing throws the load up.
+    """
+
+    kind: ClassVar[str] = "hoist_backlash"
+    sites: ClassVar[tuple[str, ...]] = (HOIST,)
+    sentence: ClassVar[str] = "play between the winch's motor and its drum (backlash)"
+    gap: Scalar = parameter("m", "total free play", null=1e-3, low=1e-6)
+    motor_mass: Scalar = parameter("kg", "motor's inertia seen along the rope", null=0.05, low=1e-3)
+    site: str = eqx.field(static=True, default=HOIST)
+    encoder: Scalar = option("motor", ("motor", "drum"))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        mass = 0.5 * scene.bridge["winch_mass"]
+        return [
+            Seed({"gap": gap, "motor_mass": mass, "encoder": encoder}, ("gap", "motor_mass"), finite=True)
+            for encoder in ("motor", "drum")
+            for gap in (1e-3, 5e-3)
+        ]

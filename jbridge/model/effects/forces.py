@@ -4,7 +4,9 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from ..._math import sincos
 from ..._types import Axes, Scalar
@@ -12,9 +14,13 @@ from .base import (
     AXIS_OF_SITE,
     CART,
     HOIST,
+    MAP_KNOTS,
+    PSI_SENSOR,
     SWING,
     AbstractDamping,
     AbstractForce,
+    Alike,
+    Contained,
     Scene,
     Seed,
     interpolate,
@@ -26,6 +32,14 @@ from .base import (
 
 _EDGE = 0.005
 """Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""
+_SLOW_SWING = 1e-3
+"""Speed below which a power law is linear [rad/s], below what an encoder of 4096 counts shows in a second."""
+_SEVERAL_LENGTHS = "Swings at several rope lengths"
+
+
+def _on_axis(site: str, value: Scalar) -> Axes:
+    """A force on the site's own axis alone."""
+    return Axes(*(value if axis == AXIS_OF_SITE[site] else jnp.zeros_like(value) for axis in Axes._fields))
 
 
 class QuadraticDrag(AbstractDamping):
@@ -64,18 +78,50 @@ class LengthDependentDamping(AbstractDamping):
         return [Seed({"length": scene.length}, ("slope",))]
 
 
+class PowerLawDamping(AbstractDamping):
+    """`-coefficient |w|^exponent sign(w)` with `w = psi'`: a pivot's damping between dry friction and drag.
+
+    Exponent 1 is the bridge's own viscous damping, 2 a drag; Squire (Pendulum damping, American Journal of Physics 54,
+    1986) measures both beside dry friction, which holds at rest and is `coulomb_friction`. Below 1 mrad/s the law is
+    linear, since an exponent below 1 has no slope at rest that a step could follow.
+    """
+
+    kind: ClassVar[str] = "power_law_damping"
+    sites: ClassVar[tuple[str, ...]] = (SWING,)
+    sentence: ClassVar[str] = "a damping of the {axis} that grows with a power of its speed"
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(SWING, "load_drag", SWING, "swings at one rope length, if the exponent is near 2", _SEVERAL_LENGTHS),
+    )
+    coefficient: Scalar = parameter("{force}/({speed})^n", "torque at 1 rad/s", low=0.0)
+    exponent: Scalar = parameter("1", "the power n", null=2.0, low=0.3, high=4.0)
+    site: str = eqx.field(static=True, default=SWING)
+
+    def resistance(self, q: Axes, v: Axes) -> Scalar:
+        speed = jnp.maximum(jnp.abs(v.psi), _SLOW_SWING)
+        return -self.coefficient * v.psi * jnp.exp((self.exponent - 1.0) * jnp.log(speed))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        free = ("coefficient", "exponent")
+        return [Seed({"coefficient": 0.0, "exponent": n}, free, linear=("coefficient",)) for n in (0.5, 1.5, 2.5)]
+
+
 class ConstantForce(AbstractForce):
-    """A force that never changes: a tilted rail, an amplifier's offset."""
+    """A force that never changes: a tilted rail, a pivot out of balance, an amplifier's offset."""
 
     kind: ClassVar[str] = "constant_force"
-    sites: ClassVar[tuple[str, ...]] = (CART,)
-    sentence: ClassVar[str] = "a constant force on the {axis}, as from a tilted rail or an offset of the amplifier"
+    sites: ClassVar[tuple[str, ...]] = (CART, SWING, HOIST)
+    sentence: ClassVar[str] = (
+        "a constant force on the {axis}, as from a tilted rail, a pivot out of balance or an offset of the amplifier"
+    )
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(SWING, "sensor_offset", PSI_SENSOR, "swings at one rope length with one load", _SEVERAL_LENGTHS),
+    )
     level: Scalar = parameter("{force}", "force")
     site: str = eqx.field(static=True, default=CART)
 
     def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
-        zero = jnp.zeros_like(q.x)
-        return Axes(zero + self.level, zero, zero)
+        return _on_axis(self.site, self.level + jnp.zeros_like(q.x))
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
@@ -102,6 +148,50 @@ class SpringForce(AbstractForce):
             Seed({"stiffness": 0.0, "rest": scene.low["x"] + share * scene.span("x")}, ("stiffness", "rest"))
             for share in (0.5, 0.0, 1.0)
         ]
+
+
+class RailInclination(AbstractForce):
+    """A force by place, piecewise linear in `q` and constant beyond the ends: a rail that rises and falls.
+
+    A rail that rises by an angle `a` pulls the cart back with `(m1 + m2) g sin a`, the load's weight included, while
+    `psi` is measured from the vertical: by virtual work, moving along the rail lifts both. Beside a `constant_force` of
+    the cart the same offset may stand in either; a search leaves the constant one out.
+    """
+
+    kind: ClassVar[str] = "rail_inclination"
+    sites: ClassVar[tuple[str, ...]] = (CART,)
+    sentence: ClassVar[str] = (
+        "a force on the {axis} that changes from place to place, as on a rail that rises and falls"
+    )
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "constant_force",
+            lambda own: {"level": np.mean(own["forces"])},
+            lambda law, own: {"forces": law["level"]},
+        ),
+        Contained(
+            "spring_force",
+            lambda own: _line(own["knots"], own["forces"]),
+            lambda law, own: {"forces": -law["stiffness"] * (np.asarray(own["knots"]) - law["rest"])},
+        ),
+    )
+    knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
+    forces: Float[Array, " knot"] = parameter("{force}", "force at each knot", vector=True)
+    site: str = eqx.field(static=True, default=CART)
+
+    def force(self, t: Scalar, q: Axes, v: Axes) -> Axes:
+        return _on_axis(self.site, interpolate(self.knots, self.forces, q.x))
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"knots": uniform_knots(scene, "x", MAP_KNOTS), "forces": [0.0] * MAP_KNOTS}, ("forces",))]
+
+
+def _line(knots: ArrayLike, forces: ArrayLike) -> dict[str, float]:
+    """Stiffness and rest of the spring that comes nearest to forces at places."""
+    slope, offset = np.polyfit(np.asarray(knots, float), np.asarray(forces, float), 1)
+    steep = slope if abs(slope) > 1e-9 else -1e-9
+    return {"stiffness": -steep, "rest": -offset / steep}
 
 
 class PeriodicForce(AbstractForce):
@@ -235,8 +325,7 @@ class ResidualForce(AbstractForce):
         axis = AXIS_OF_SITE[self.site]
         value = interpolate(self.places, self.by_place, getattr(q, axis))
         value = value + interpolate(self.speeds, self.by_speed, getattr(v, axis))
-        zero = jnp.zeros_like(q.x)
-        return Axes(*(value if axis == name else zero for name in Axes._fields))
+        return _on_axis(self.site, value)
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:

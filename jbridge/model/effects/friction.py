@@ -1,4 +1,4 @@
-"""Dry friction: how large it is, by place, direction, velocity and time. How it sticks is the engine's affair.
+"""Dry friction: how large it is, by place, direction, velocity, load and time. How it sticks is the engine's affair.
 
 Beside a plain Coulomb friction on the same axis the level common to both would be counted twice. A seed therefore
 frees only what an added law has of its own, and `diagnose` keeps the smallest added level at zero.
@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._math import decay
@@ -16,16 +17,18 @@ from .base import (
     AXIS_OF_SITE,
     CART,
     HOIST,
+    MAP_KNOTS,
     SWING,
     AbstractFriction,
+    AbstractHysteresis,
+    Alike,
+    Contained,
     Scene,
     Seed,
     interpolate,
     parameter,
     uniform_knots,
 )
-
-MAP_KNOTS = 8
 
 
 class CoulombFriction(AbstractFriction):
@@ -37,7 +40,7 @@ class CoulombFriction(AbstractFriction):
     level: Scalar = parameter("{force}", "sliding and holding level", low=0.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return self.level, self.level
 
     @classmethod
@@ -56,7 +59,7 @@ class StribeckFriction(AbstractFriction):
     velocity: Scalar = parameter("{speed}", "velocity over which the extra fades", null=0.05, low=1e-4)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         ratio = v / self.velocity
         # Friction that grows with speed is damping, and is called so.
         size = self.level + jnp.maximum(self.breakaway - self.level, 0.0) * jnp.exp(-ratio * ratio)
@@ -80,7 +83,7 @@ class DirectionDependentFriction(AbstractFriction):
     negative: Scalar = parameter("{force}", "level against negative motion", low=0.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return self.positive, self.negative
 
     @classmethod
@@ -96,11 +99,24 @@ class PositionDependentFriction(AbstractFriction):
     kind: ClassVar[str] = "position_dependent_friction"
     sites: ClassVar[tuple[str, ...]] = (CART, HOIST)
     sentence: ClassVar[str] = "dry friction of the {axis} that changes from place to place"
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "coulomb_friction",
+            lambda own: {"level": np.mean(own["levels"])},
+            lambda law, own: {"levels": law["level"]},
+        ),
+        # No limit of a map, but a law that a map is easily taken for where each part of the rail has its direction.
+        Contained(
+            "direction_dependent_friction",
+            lambda own: {"positive": np.mean(own["levels"]), "negative": np.mean(own["levels"])},
+            lambda law, own: {"levels": 0.5 * (law["positive"] + law["negative"])},
+        ),
+    )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
     levels_at: Float[Array, " knot"] = parameter("{force}", "level at each knot", low=0.0, vector=True, key="levels")
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         size = interpolate(self.knots, self.levels_at, q)
         return size, size
 
@@ -116,12 +132,24 @@ class PositionDirectionFriction(AbstractFriction):
     kind: ClassVar[str] = "position_direction_friction"
     sites: ClassVar[tuple[str, ...]] = (CART, HOIST)
     sentence: ClassVar[str] = "dry friction of the {axis} that changes from place to place and with direction"
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained(
+            "coulomb_friction",
+            lambda own: {"level": np.mean([own["positive"], own["negative"]])},
+            lambda law, own: {"positive": law["level"], "negative": law["level"]},
+        ),
+        Contained(
+            "direction_dependent_friction",
+            lambda own: {"positive": np.mean(own["positive"]), "negative": np.mean(own["negative"])},
+            lambda law, own: law,
+        ),
+    )
     knots: Float[Array, " knot"] = parameter("{position}", "places", fitted=False, vector=True)
     positive: Float[Array, " knot"] = parameter("{force}", "level against positive motion", low=0.0, vector=True)
     negative: Float[Array, " knot"] = parameter("{force}", "level against negative motion", low=0.0, vector=True)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return interpolate(self.knots, self.positive, q), interpolate(self.knots, self.negative, q)
 
     @classmethod
@@ -131,7 +159,39 @@ class PositionDirectionFriction(AbstractFriction):
         return [Seed({"knots": knots, "positive": null, "negative": null}, ("positive", "negative"))]
 
 
-class PreslidingFriction(AbstractFriction):
+class LoadDependentFriction(AbstractFriction):
+    """`-(level + share |load|) sign(v)`, and holds when stuck; `load` is the drive's force or the pull on the pivot.
+
+    At cart and hoist the load is the force of the motor, which presses gears and guides together; at the swing it is
+    the force with which load and rod hang on the pivot, `m2 (g cos psi + l psi'^2)`, and `share` is the bearing's
+    radius times its coefficient of friction. The reaction to accelerations of cart and winch, small beside it, is left
+    out. Duclusaud et al. (Extended friction models for the physics simulation of servo actuators, 2024) identify it for
+    geared motors.
+    """
+
+    kind: ClassVar[str] = "load_dependent_friction"
+    sites: ClassVar[tuple[str, ...]] = (CART, SWING, HOIST)
+    sentence: ClassVar[str] = "dry friction of the {axis} that grows with the load that it carries"
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(SWING, "coulomb_friction", SWING, "swings of small angles with one load", "Wide swings"),
+    )
+    contains: ClassVar[tuple[Contained, ...]] = (
+        Contained("coulomb_friction", lambda own: {"level": own["level"]}, lambda law, own: {**law, "share": 0.0}),
+    )
+    level: Scalar = parameter("{force}", "level without a load", low=0.0)
+    share: Scalar = parameter("{force}/N", "growth with the load", low=0.0, high=0.9)
+    site: str = eqx.field(static=True)
+
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
+        size = self.level + self.share * jnp.abs(load)
+        return size, size
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({}, ("share",) if scene.friction[site] > 0 else ("level", "share"))]
+
+
+class PreslidingFriction(AbstractFriction, AbstractHysteresis):
     """Dahl's friction: a hysteretic spring before slip (Dahl 1968).
 
     The spring's relative deflection `z` in [-1, 1] is hidden: `z' = stiffness/level v (1 - z sign(v))`, and the
@@ -145,13 +205,18 @@ class PreslidingFriction(AbstractFriction):
     stiffness: Scalar = parameter("{force}/{position}", "stiffness before slip", null=1e4, low=10.0)
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         return jnp.zeros_like(v), jnp.zeros_like(v)
 
+    def force(self, q: Scalar, z: Scalar) -> Scalar:
+        return -self.level * z
+
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
-        """`z` after some `way` [m] in one direction, on which alone it depends: exact."""
         target = jnp.where(way < 0, -1.0, 1.0)
         return target - (target - z) * decay(self.stiffness * jnp.abs(way) / jnp.maximum(self.level, 1e-3))
+
+    def steepness(self) -> Scalar:
+        return self.stiffness
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
@@ -173,7 +238,7 @@ class FrictionDrift(AbstractFriction):
     rate: Scalar = parameter("{force}/s", "change of the level with time")
     site: str = eqx.field(static=True)
 
-    def levels(self, t: Scalar, q: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+    def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
         size = jnp.maximum(self.level + self.rate * t, 0.0)
         return size, size
 

@@ -11,9 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge._types import AXES
+from jbridge._types import AXES, Axes
 from jbridge.inputs import drive_inputs
-from jbridge.model.effects.base import AXIS_OF_SITE, SITES, Scene, options_of, parameters_of, unit_at
+from jbridge.model.effects.base import (
+    AXIS_OF_SITE,
+    SITES,
+    AbstractFriction,
+    AbstractHysteresis,
+    Scene,
+    options_of,
+    parameters_of,
+    unit_at,
+)
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
 from jbridge.model.plant import Motion
 from jbridge.rollout import MIDPOINT, Motions, readings, rollout
@@ -31,7 +40,7 @@ from tests.problems import (
     null_effect,
 )
 
-MECHANISMS = ("rope_elasticity", "double_pendulum", "belt_compliance", "backlash")
+MECHANISMS = ("rope_elasticity", "double_pendulum", "belt_compliance", "backlash", "hoist_backlash")
 """Tested in `test_flexible`."""
 
 SHAPE = {"knots": [0.2, 0.35, 0.6]}
@@ -42,15 +51,20 @@ EXAMPLES = {
     "direction_dependent_friction": {"positive": 2.0, "negative": 3.5},
     "position_dependent_friction": SHAPE | {"levels": [1.0, 3.0, 2.5]},
     "position_direction_friction": SHAPE | {"positive": [1.0, 3.0, 2.5], "negative": [2.0, 0.5, 4.0]},
+    "load_dependent_friction": {"level": 1.2, "share": 0.15},
+    "presliding_friction": {"level": 2.0, "stiffness": 150.0},
     "quadratic_drag": {"coefficient": 7.0},
     "friction_drift": {"level": 2.0, "rate": -0.8},
     "constant_force": {"level": -1.3},
+    "rail_inclination": {"knots": [0.2, 0.35, 0.6], "forces": [0.8, -0.5, 0.2]},
     "spring_force": {"stiffness": 12.0, "rest": 0.1},
+    "torque_ripple": {"amplitude": 0.2, "period": 0.08, "phase": 0.9},
     "periodic_force": {"amplitude": 0.7, "period": 0.13, "phase": 0.4},
     "end_stop": {"position": 0.3, "stiffness": 400.0, "damping": 30.0},
     "load_drag": {"coefficient": 0.2},
     "wind": {"force": 0.3, "start": 1.0, "stop": 3.0},
     "length_dependent_damping": {"slope": 0.02, "length": 0.5},
+    "power_law_damping": {"coefficient": 0.03, "exponent": 1.6},
     "residual_force": {
         "places": [0.2, 0.35, 0.6],
         "by_place": [0.5, -0.4, 0.1],
@@ -71,6 +85,12 @@ EXAMPLES = {
 
 def interp(q, p, key):
     return np.interp(q, p["knots"], p[key])
+
+
+def load_on(site, psi, w, l):
+    """Size of the drives' forces at the inputs of `accelerations_of_all`, or the pull on the pivot [N]."""
+    pull = NUMBERS["load_mass"] * (NUMBERS["gravity"] * np.cos(psi) + l * w**2)
+    return {"cart": NUMBERS["cart_gain"] * 0.7, "swing": pull, "hoist": NUMBERS["hoist_gain"] * 0.6}[site]
 
 
 def bump(q, v, p):
@@ -112,10 +132,12 @@ OWN_AXIS = {
     "friction_drift": lambda p, t, q, v, l: -max(p["level"] + p["rate"] * t, 0.0) * np.sign(v),
     "quadratic_drag": lambda p, t, q, v, l: -p["coefficient"] * v * abs(v),
     "constant_force": lambda p, t, q, v, l: p["level"],
+    "rail_inclination": lambda p, t, q, v, l: interp(q, p, "forces"),
     "spring_force": lambda p, t, q, v, l: -p["stiffness"] * (q - p["rest"]),
     "periodic_force": lambda p, t, q, v, l: p["amplitude"] * np.sin(2 * np.pi * q / p["period"] + p["phase"]),
     "end_stop": lambda p, t, q, v, l: stop_force(p, q, v),
     "length_dependent_damping": lambda p, t, q, v, l: -p["slope"] * (l - p["length"]) * v,
+    "power_law_damping": lambda p, t, q, v, l: -p["coefficient"] * abs(v) ** p["exponent"] * np.sign(v),
     "residual_force": lambda p, t, q, v, l: bump(q, v, p),
 }
 EVERY_AXIS = {
@@ -138,12 +160,16 @@ SENSORS = {
     "missed_counts": lambda p, t, q: q(t) + p["jump"] * (t > p["time"]),
     "sensor_eccentricity": lambda p, t, q: q(t) + p["amplitude"] * np.sin(2 * np.pi * q(t) / p["period"] + p["phase"]),
 }
-WITH_MEMORY = ("presliding_friction", "input_delay", "actuator_lag", "drum_radius_change")
+RIPPLES = ("torque_ripple",)
+LOADED = ("load_dependent_friction",)
+BODIES = ("rod_inertia",)
+"""Tested in `test_bodies`."""
+WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag", "drum_radius_change")
 """Tested in `test_friction` and `test_rollout`."""
 
 
 def test_every_kind_has_its_law():
-    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *WITH_MEMORY, *MECHANISMS]
+    covered = [*OWN_AXIS, *EVERY_AXIS, *DRIVES, *SENSORS, *RIPPLES, *LOADED, *BODIES, *WITH_MEMORY, *MECHANISMS]
     assert sorted(covered) == sorted(KINDS)
 
 
@@ -211,6 +237,26 @@ def test_forces_on_the_load(kind, site):
     """By virtual work: a force on the load acts on each axis by how that axis moves the load."""
     expected = [EVERY_AXIS[kind](EXAMPLES[kind], t, s[:3], s[3:]) for s, t in zip(STATES, TIMES, strict=True)]
     np.testing.assert_allclose(forces_of(kind, site, EXAMPLES[kind]), expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind, site", places(RIPPLES))
+def test_ripple_of_a_drive(kind, site):
+    """It takes and gives a share of the drive's force, by the drive's own place."""
+    p, i = EXAMPLES[kind], AXES.index(AXIS_OF_SITE[site])
+    thrust = {"cart_drive": NUMBERS["cart_gain"] * 0.7, "hoist_drive": NUMBERS["hoist_gain"] * -0.6}[site]
+    expected = np.zeros((len(STATES), 3))
+    expected[:, i] = thrust * p["amplitude"] * np.sin(2 * np.pi * STATES[:, i] / p["period"] + p["phase"])
+    np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind, site", places(LOADED))
+def test_friction_by_load(kind, site):
+    p, i = EXAMPLES[kind], AXES.index(AXIS_OF_SITE[site])
+    expected = np.zeros((len(STATES), 3))
+    for k, state in enumerate(STATES):
+        load = load_on(site, state[1], state[4], state[2])
+        expected[k, i] = -(p["level"] + p["share"] * load) * np.sign(state[3 + i])
+    np.testing.assert_allclose(forces_of(kind, site, p), expected, rtol=1e-9, atol=1e-10)
 
 
 def test_virtual_work_of_the_wind():
@@ -299,6 +345,44 @@ def test_all_effects_at_null_are_none():
 
     all_of = everything()
     np.testing.assert_allclose(run(all_of.table.unravel(jnp.asarray(all_of.null))), run(make_plant()), atol=1e-13)
+
+
+def felt(effect, q, v, z) -> list[float]:
+    """Forces of an effect on its own axis, and where its hidden spring goes, at a place with a speed."""
+    now, load, axis = jnp.asarray(1.3), jnp.asarray(4.0), AXIS_OF_SITE[effect.site]
+    if isinstance(effect, AbstractHysteresis):
+        # Without a force the spring does not matter.
+        after = [float(effect.deflection(z, way)) for way in (0.01 * v, -0.03 * v)] if effect.level > 0 else [0.0, 0.0]
+        return [float(effect.force(q, z)), *after]
+    if isinstance(effect, AbstractFriction):
+        return [float(level) for level in effect.levels(now, q, v, load)]
+    places = Axes(*(q if name == axis else jnp.asarray(0.7) for name in AXES))
+    rates = Axes(*(v if name == axis else jnp.asarray(0.2) for name in AXES))
+    return [float(getattr(effect.force(now, places, rates), axis)), 0.0, 0.0]
+
+
+CONTAINED = [
+    pytest.param(cls.kind, part, site, id=f"{cls.kind}>{part.kind}@{site}")
+    for cls in CATALOGUE.values()
+    for part in cls.contains
+    for site in cls.sites
+]
+
+
+@pytest.mark.parametrize("kind, part, site", CONTAINED)
+def test_a_law_becomes_what_it_contains(kind, part, site):
+    simple = EXAMPLES[part.kind]
+    if kind == "position_dependent_friction" and part.kind == "direction_dependent_friction":
+        simple = {"positive": 2.0, "negative": 2.0}  # of which a map has but those with one level
+    effect = null_effect(kind, site)
+    infos = parameters_of(type(effect))
+    values = {key: np.array(getattr(effect, info.name)) for key, info in infos.items()}
+    values |= {key: np.broadcast_to(value, values[key].shape) for key, value in part.same(simple, values).items()}
+    for q, v, z in ((0.3, 0.4, 0.2), (0.55, -0.1, -0.6)):
+        at = jnp.asarray(q), jnp.asarray(v), jnp.asarray(z)
+        own, theirs = felt(make_effect(kind, site, values), *at), felt(make_effect(part.kind, site, simple), *at)
+        np.testing.assert_allclose(own, theirs, rtol=1e-12)
+    assert dict(part.simpler(values)) == pytest.approx(simple)
 
 
 SCENE = Scene(

@@ -216,18 +216,22 @@ def test_impact_is_inelastic_and_keeps_the_momentum(method):
     np.testing.assert_allclose(motions.q.x[:, -1], together * (100 * PERIOD - met), rtol=0, atol=1e-12)
 
 
-def knocked_about(forces, times, x, motor):
-    """Cart and motor under forces on the motor that are constant by pieces, from event to event in closed form."""
-    (x, v), (m, w), half = x, motor, GAP / 2
+def knocked_about(forces, times, x, motor, masses=(CART, MOTOR), pull=0.0):
+    """Cart and motor under forces on the motor that are constant by pieces, from event to event in closed form.
+
+    `masses` are those of cart and motor, or of what the winch carries and its motor; `pull` is a force on the former.
+    """
+    (x, v), (m, w), half, (cart, driven) = x, motor, GAP / 2, masses
     places, joined = [(x, m)], False
     for force, span in zip(forces, times, strict=True):
         left = span
         while left > 0:
-            free = force / MOTOR
+            coasting = pull / cart
+            free = force / driven - coasting
             if joined:
-                # Together while the motor presses on the side where it is.
-                if force * (m - x) >= 0:
-                    a = force / (MOTOR + CART)
+                # Together while what pulls them apart presses on the side where the motor is.
+                if free * (m - x) >= 0:
+                    a = (force + pull) / (driven + cart)
                     x, m, v = x + v * left + a * left**2 / 2, m + v * left + a * left**2 / 2, v + a * left
                     w = v
                     break
@@ -240,10 +244,11 @@ def knocked_about(forces, times, x, motor):
                 if abs(root.imag) < 1e-12 and 1e-9 < root.real <= left and (rate + free * root.real) * side > 0
             ]
             step = min(roots, default=left)
-            x, m, w = x + v * step, m + w * step + free * step**2 / 2, w + free * step
+            x, v = x + v * step + coasting * step**2 / 2, v + coasting * step
+            m, w = m + w * step + force / driven * step**2 / 2, w + force / driven * step
             left -= step
             if roots:
-                v = w = (CART * v + MOTOR * w) / (CART + MOTOR)
+                v = w = (cart * v + driven * w) / (cart + driven)
                 joined = True
         places.append((x, m))
     return np.array(places)
@@ -395,7 +400,46 @@ def test_hidden_states_come_in_one_order():
         np.testing.assert_allclose([v.motor, v.loaded, v.phi], [0.402, 0.604, 0.506], rtol=1e-14)
 
 
+WINCH = ("hoist_backlash", "hoist", {"gap": GAP, "motor_mass": 0.06})
+HOIST_ALONE = (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("substeps", [1, 4])
+def test_play_at_the_winch_against_its_events_in_closed_form(substeps):
+    """The motor pays out faster than the load falls, waits for it, and hauls it up again."""
+    volts = np.repeat(np.random.default_rng(8).uniform(-1.5, 0.9, 40), 10)
+    lane = make_lane(np.stack([np.zeros(400), volts], axis=1), active=HOIST_ALONE)
+    motions = simulate(
+        make_plant(WINCH, **LOSSLESS),
+        make_state(hidden=(-0.2 * GAP, -0.05)),
+        lane,
+        substeps=substeps,
+        method=MIDPOINT,
+    )
+    weight, motor = NUMBERS["load_mass"] * NUMBERS["gravity"], WINCH[2]["motor_mass"]
+    carried = NUMBERS["load_mass"] + NUMBERS["winch_mass"] - motor
+    start = (0.7 + 0.3 * GAP, -0.05), (0.7, 0.0)
+    places = knocked_about(3.0 * volts, np.full(400, PERIOD), *start, (carried, motor), weight)
+    apart = np.abs(places[:, 1] - places[:, 0])
+    assert np.sum((apart[1:] > 0.999 * GAP / 2) & (apart[:-1] < 0.999 * GAP / 2)) >= 3, "impacts"
+    ours = np.stack([motions.q.loaded, motions.q.l], axis=1)
+    np.testing.assert_allclose(ours, places, rtol=0, atol=1e-11)
+
+
+def test_a_load_hangs_at_the_end_of_the_play():
+    """With the winch locked the load rests half the gap below, which an encoder at the drum tells."""
+    lane = make_lane(np.zeros((100, 2)), active=LOCKED_ROPE)
+    for encoder, length in (("motor", 0.7), ("drum", 0.7 + GAP / 2)):
+        plant = make_plant((*WINCH[:2], WINCH[2] | {"encoder": encoder}))
+        motions = simulate(plant, make_state(psi=0.2), lane, substeps=2, method=RK4)
+        np.testing.assert_allclose(motions.q.loaded, 0.7 + GAP / 2, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(measure(plant, lane, motions)[:, 2], length, rtol=0, atol=1e-12)
+
+
 def test_one_of_a_kind():
+    for other in (PLAY, ("rope_elasticity", "hoist", MECHANISMS["rope_elasticity"][2])):
+        with pytest.raises(ValueError, match="hoist_backlash.*keep one"):
+            make_plant(WINCH, other).rope_end
     with pytest.raises(ValueError, match="at most one backlash"):
         make_plant(PLAY, PLAY).drive_train
     with pytest.raises(ValueError, match="keep one"):

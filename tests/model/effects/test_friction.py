@@ -105,10 +105,13 @@ def test_time_to_stop_and_hold():
 
 def test_break_away_just_above_the_level():
     level = 4.0
+    plain, loaded = ("coulomb_friction", {"level": level}), ("load_dependent_friction", {"level": 3.0, "share": 0.25})
     for share, moves in ((0.999, False), (1.001, True), (-0.999, False), (-1.001, True)):
-        path = cart(("coulomb_friction", "cart", {"level": level}), u=held(share * level / GAIN, 1.0))
-        expected = np.sign(share) * (abs(share) - 1.0) * level / MASS if moves else 0.0
-        np.testing.assert_allclose(path[-1], [expected / 2, expected], atol=1e-12)
+        # Of 4 N that the drive gives a quarter rubs, and 3 N rub besides; of what it gives beyond, three quarters act.
+        for (kind, values), left in ((plain, 1.0), (loaded, 0.75)):
+            path = cart((kind, "cart", values), u=held(share * level / GAIN, 1.0))
+            expected = left * np.sign(share) * (abs(share) - 1.0) * level / MASS if moves else 0.0
+            np.testing.assert_allclose(path[-1], [expected / 2, expected], atol=1e-12)
 
 
 CASES = {
@@ -239,11 +242,22 @@ def test_stiction_breaks_away_at_its_own_level():
     assert cart(effect, u=held(4.0 / GAIN, 1.0), v=0.1)[-1, 1] > 0.2
 
 
-@pytest.mark.parametrize("stiffness", [800.0, 8000.0], ids=["soft", "stiff"])
-def test_presliding_against_dahls_equations(stiffness):
-    """Force reversals below and above the level: `m x'' = F - level z`, `z' = stiffness/level x' (1 - z sign x')`."""
-    level, force = 3.0, np.repeat([2.0, -2.0, 2.5, -1.0, 4.5, -6.0], 50)
-    effect = ("presliding_friction", "cart", {"level": level, "stiffness": stiffness})
+SPRINGS = {
+    # an effect, with the elastic stiffness, the place of rest, the level and the travel that it stands for
+    "soft": (("presliding_friction", "cart", {"level": 3.0, "stiffness": 800.0}), (0.0, 0.0, 3.0, 3.0 / 800.0)),
+    "stiff": (("presliding_friction", "cart", {"level": 3.0, "stiffness": 8000.0}), (0.0, 0.0, 3.0, 3.0 / 8000.0)),
+    "cable": (
+        ("cable_drag", "cart", {"stiffness": 4.0, "rest": 0.15, "level": 3.0, "travel": 0.01}),
+        (4.0, 0.15, 3.0, 0.01),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPRINGS)
+def test_hidden_springs_against_dahls_equations(name):
+    """Reversals below and above the level: `m x'' = F - k (x - rest) - level z`, `travel z' = x' (1 - z sign x')`."""
+    effect, (elastic, rest, level, travel) = SPRINGS[name]
+    force = np.repeat([2.0, -2.0, 2.5, -1.0, 4.5, -6.0], 50)
     usual, fine = (cart(effect, u=np.stack([force / GAIN, 0 * force], axis=1), substeps=n)[:, 0] for n in (1, 4))
 
     exact, y = [[0.0, 0.0]], np.zeros(3)
@@ -251,8 +265,8 @@ def test_presliding_against_dahls_equations(stiffness):
         piece = solve_ivp(
             lambda t, y, push=push: [
                 y[1],
-                (push - level * y[2]) / MASS,
-                stiffness / level * y[1] * (1 - y[2] * np.sign(y[1])),
+                (push - elastic * (y[0] - rest) - level * y[2]) / MASS,
+                y[1] / travel * (1 - y[2] * np.sign(y[1])),
             ],
             (0.0, PERIOD),
             y,
@@ -264,7 +278,7 @@ def test_presliding_against_dahls_equations(stiffness):
         exact.append(y[:2])
     told = np.array(exact)[:, 0]
     # Below the level the cart is on a spring; what a step loses where the cart turns round would creep up.
-    assert np.max(np.abs(told[:100])) < 6 * level / stiffness
+    assert np.max(np.abs(told[:100])) < 6 * travel
     np.testing.assert_allclose(usual, told, rtol=0, atol=1e-6)
     np.testing.assert_allclose(fine, told, rtol=0, atol=1e-8)
 

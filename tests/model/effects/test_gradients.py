@@ -1,7 +1,7 @@
 """Derivatives of readings: forward and reverse mode against central differences, for every parameter there is.
 
 The run is short, smooth at its samples, and moves every axis; no axis stops, and no knot is met to within the
-differences' width. Three programs serve all effects but the mechanisms, which share one plant, or, for a play, two.
+differences' width. Three programs serve all effects but the mechanisms, which share three plants.
 """
 
 import functools
@@ -45,16 +45,20 @@ def example(kind: str, site: str) -> dict:
             "positive": [0.5 * f, f, 0.3 * f],
             "negative": [0.2 * f, 0.4 * f, f],
         },
+        "load_dependent_friction": {"level": 0.4 * f, "share": 0.05 * f},
         "presliding_friction": {"level": 2.0, "stiffness": 300.0},
         "quadratic_drag": {"coefficient": 4.0},
         "friction_drift": {"level": 0.5, "rate": 0.8},
-        "constant_force": {"level": 1.0},
+        "constant_force": {"level": f},
+        "rail_inclination": {"knots": KNOTS[axis], "forces": [0.5, -0.6, 0.3]},
         "spring_force": {"stiffness": 9.0, "rest": 0.1},
         "periodic_force": {"amplitude": 0.8, "period": 0.07, "phase": 0.5},
         "end_stop": {"position": 0.36, "stiffness": 600.0, "damping": 8.0},
         "load_drag": {"coefficient": 0.05},
         "wind": {"force": 0.2, "start": 0.2713, "stop": 0.4127},
         "length_dependent_damping": {"slope": 0.01, "length": 0.5},
+        "power_law_damping": {"coefficient": 0.004, "exponent": 1.4},
+        "rod_inertia": {"mass": 0.05, "centre": 0.3, "inertia": 0.004},
         "residual_force": {
             "places": KNOTS[axis],
             "by_place": [0.5 * f, -f, 0.3 * f],
@@ -68,6 +72,7 @@ def example(kind: str, site: str) -> dict:
         "gain_asymmetry": {"ratio": 0.1},
         "gain_drift": {"rate": -0.05},
         "drum_radius_change": {"slope": 0.2, "length": 0.65},
+        "torque_ripple": {"amplitude": 0.1, "period": 0.06, "phase": 0.4},
         "sensor_offset": {"offset": 0.01},
         "sensor_scale": {"scale": 1.02},
         "sensor_delay": {"delay": 0.0117},
@@ -156,13 +161,21 @@ MECHANISMS = {
         ("rope_elasticity", "hoist", {"stiffness": 200.0, "damping": 0.5}),
         ("double_pendulum", "swing", {"hook_mass": 0.05, "link": 0.12, "damping": 1e-3}),
     ],
-    "play": [("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1})],
+    "play": [
+        ("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1}),
+        ("cable_drag", "cart", {"stiffness": 5.0, "rest": 0.2, "level": 2.0, "travel": 0.01}),
+    ],
+    "play at the winch": [("hoist_backlash", "hoist", {"gap": 4e-3, "motor_mass": 0.06})],
 }
-HIDDEN = {"compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5], "play": [-5e-4, 0.05]}
+HIDDEN = {
+    "compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5],
+    "play": [-5e-4, 0.05, 0.3],
+    "play at the winch": [-2e-3, 0.05],
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["compliances", "play"])
+@pytest.mark.parametrize("name", MECHANISMS)
 def test_mechanisms(name):
     plant = make_plant(*MECHANISMS[name])
     table = ParameterTable(plant)
