@@ -391,7 +391,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
 def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(CONTROL_MODEL)
-    Path("sugeno.toml").write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    Path("sugeno.toml").write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     Path("folder.toml").write_text('kind = "fuzzy"\ncart = "."\nhoist = "."\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
         jbridge.save_fis(f"{name}.fis", sugeno(inputs))
@@ -403,7 +403,7 @@ def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, 
 def test_a_sugeno_controller_moves_the_load_and_comes_back(tmp_path, capsys):
     model, given, out = tmp_path / "model.toml", tmp_path / "given.toml", tmp_path / "out"
     model.write_text(CONTROL_MODEL)
-    given.write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    given.write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
         jbridge.save_fis(tmp_path / f"{name}.fis", sugeno(inputs))
     reference = tmp_path / "reference.toml"

@@ -132,7 +132,8 @@ class FuzzyKnobs(AbstractKnobs):
         if weights:
             for axis in ("cart", "hoist"):
                 for number, rule in enumerate(getattr(law, axis).rules):
-                    most = -float(np.log(max(float(rule.weight), 1e-3)))
+                    # A little less than up to 1, beyond which rounding must not take a weight.
+                    most = -float(np.log(max(float(rule.weight), 1e-3))) - 1e-12
                     knobs.append(Knob(f"{axis}.rule {number + 1}.weight", _LEAST_WEIGHT, most))
         self.knobs = tuple(knobs)
 

@@ -12,8 +12,9 @@ from jbridge.fuzzy.defuzzify import DEFUZZIFIERS
 from jbridge.fuzzy.fis import load_fis, save_fis
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.membership import MEMBERSHIPS, Gathered, membership
-from jbridge.fuzzy.rules import Variable, as_number, rule
-from tests.fuzzy.systems import TIPPER
+from jbridge.fuzzy.rules import Clause, Rule, Variable, as_number, rule
+from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
+from tests.fuzzy.systems import TIPPER, any_system
 
 SUGENO = """[System]
 Name='two'
@@ -226,3 +227,42 @@ def test_what_a_fis_file_cannot_hold_is_not_written(tmp_path):
         with pytest.raises(InputError, match=complaint):
             save_fis(tmp_path / "none.fis", broken)
     assert not (tmp_path / "none.fis").exists()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_system_comes_back(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(10):
+        system = any_system(rng)
+        save_fis(tmp_path / "s.fis", system, "a 'name' % of its own")
+        assert eqx.tree_equal(load_fis(tmp_path / "s.fis", matlab=system.matlab), system)
+
+
+def test_any_sugeno_system_comes_back(tmp_path):
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        before = any_system(rng)
+        functions = tuple(
+            Linear(rng.choice([0.0, 1 / 3, -1e300]) * rng.standard_normal(len(before.inputs)), rng.standard_normal())
+            for _ in range(6)
+        )
+        outputs = tuple(Conclusions(o.name, o.low, o.low, tuple("aabbcc"), functions) for o in before.outputs)
+        rules = tuple(
+            Rule(r.antecedent, tuple(Clause(c.variable, 5) for c in r.consequent), r.weight, r.any_of)
+            for r in before.rules
+        )
+        system = Sugeno(before.inputs, outputs, rules, summed=bool(rng.random() < 0.5))
+        save_fis(tmp_path / "s.fis", system)
+        assert eqx.tree_equal(load_fis(tmp_path / "s.fis"), system)
+
+
+@pytest.mark.parametrize("where", ["sets", "range", "weight"])
+def test_nan_is_not_written(tmp_path, where):
+    system = read(tmp_path, TIPPER)
+    place = {
+        "sets": lambda s: s.inputs[0].sets[0].width,
+        "range": lambda s: s.inputs[0].low,
+        "weight": lambda s: s.rules[0].weight,
+    }[where]
+    with pytest.raises(InputError, match="nan|NaN"):
+        save_fis(tmp_path / "none.fis", eqx.tree_at(place, system, as_number(np.nan)))
