@@ -118,7 +118,7 @@ class Mamdani(AbstractSystem):
         return self._prepared(traced=not known(values)).infer(values, softness=softness)
 
     def _prepared(self, *, traced: bool) -> "Prepared":
-        said = tuple(self._said(number) for number in range(len(self.outputs)))
+        said = tuple(self.conclusions_about(number) for number in range(len(self.outputs)))
         conclusions = tuple(
             self._conclusions(variable, [clause for clause, _ in found], traced) if found else None
             for variable, found in zip(self.outputs, said, strict=True)
@@ -128,7 +128,7 @@ class Mamdani(AbstractSystem):
         inputs = tuple(variable.ready() for variable in self.inputs) if traced else self.inputs
         return Prepared(inputs, self.outputs, self.rules, *norms, rules, conclusions, self.matlab)
 
-    def _said(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
+    def conclusions_about(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
         """What is concluded about one output, and by which rules.
 
         Where sets are put together by their maximum, rules with the same conclusion count as the strongest of them,

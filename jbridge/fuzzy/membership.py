@@ -131,6 +131,11 @@ def _slope(begin: Array, end: Array) -> tuple[Array, Array]:
     return sloped, jnp.where(sloped, 1.0 / jnp.where(sloped, width, 1.0), 0.0)
 
 
+def flank_slope(begin: Array, end: Array) -> Array:
+    """Slope of a straight flank between two corners, 0 if it is vertical or endless."""
+    return _slope(begin, end)[1]
+
+
 def _height(up: Array, down: Array, softness: Array | None) -> tuple[Array, Array, Array, Array | None]:
     """The smaller of two heights, kept between 0 and 1, and its derivatives by both and by the softness."""
     if softness is None:
