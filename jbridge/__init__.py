@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
     from jbridge.diagnosis.result import Former as Former
     from jbridge.errors import InputError as InputError
+    from jbridge.export.c import controller_header as controller_header
+    from jbridge.export.models import state_space as state_space
+    from jbridge.export.save import save_export as save_export
     from jbridge.fuzzy.check import idle_parts as idle_parts
     from jbridge.fuzzy.fis import load_fis as load_fis
     from jbridge.fuzzy.fis import save_fis as save_fis
@@ -147,6 +150,7 @@ _HOMES = {
     "check_output": "report.files",
     "closed_loop": "loop",
     "compensation_for": "tuning.compensation",
+    "controller_header": "export.c",
     "describe_check": "report.check",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
@@ -184,6 +188,7 @@ _HOMES = {
     "save_comparison": "report.comparison",
     "save_controller": "control.files",
     "save_csv": "recordings",
+    "save_export": "export.save",
     "save_fis": "fuzzy.fis",
     "save_fit": "report.save",
     "save_model": "model.files",
@@ -195,6 +200,7 @@ _HOMES = {
     "shaped": "control.shaping",
     "simulate": "prediction",
     "smooth_path": "signals",
+    "state_space": "export.models",
     "track": "tracking",
     "tune": "tuning.tune",
     "usual_goal": "tuning.objectives",
@@ -244,6 +250,7 @@ __all__ = [
     "check_output",
     "closed_loop",
     "compensation_for",
+    "controller_header",
     "describe_check",
     "describe_diagnosis",
     "describe_fit",
@@ -281,6 +288,7 @@ __all__ = [
     "save_comparison",
     "save_controller",
     "save_csv",
+    "save_export",
     "save_fis",
     "save_fit",
     "save_model",
@@ -293,6 +301,7 @@ __all__ = [
     "shaped",
     "simulate",
     "smooth_path",
+    "state_space",
     "track",
     "tune",
     "usual_goal",

@@ -1,4 +1,4 @@
-"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, sweep, figures.
+"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, export, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -79,6 +79,15 @@ Without --controller the rules named by --rules are tuned: the paper's, or the
 extended ones, in which velocity and swing angle act. DIR receives
 controller.toml (tuned, for jbridge control), tune.html (to look at), tune.json
 (the same in numbers) and the figures.
+"""
+_EXPORT = """\
+Writes a controller or a model in the language of another program.
+
+A controller becomes one header in C99 (--to c): no allocation, double or float,
+and a self-test. A model becomes MuJoCo's XML (--to mujoco), a linear system
+about the load hanging still on --rope metres for Python (--to statespace), or a
+MATLAB function with its numbers (--to matlab); what the language cannot say of
+a model's effects is named in the file.
 """
 _SWEEP = """\
 Runs a controller on many bridges: every point of a grid or of a sample of
@@ -273,6 +282,15 @@ def _controller(path: str | None) -> "jbridge.Controller":
     return jbridge.load_controller(path) if path else jbridge.Controller(jbridge.paper_controller())
 
 
+def _export(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    jbridge.check_output(arguments.out, folder=True, inputs=[arguments.source])
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    path = jbridge.save_export(arguments.out, arguments.source, arguments.to, rope=arguments.rope)
+    progress.clear()
+    print(path)
+
+
 def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
     question_folder = Path(arguments.out)
     if question_folder.exists() and not question_folder.is_dir():
@@ -431,6 +449,15 @@ def _parser() -> _Parser:
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
     tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
     tune.add_argument("--out", metavar="DIR", required=True, help=_OUT)
+    export = _command(commands, "export", "a controller in C, a model for other programs", _EXPORT, _export)
+    export.epilog = (
+        "example:\n  jbridge export tuned/controller.toml --to c --out rig\n"
+        "  jbridge export fitted/model.toml --to mujoco --out scene"
+    )
+    export.add_argument("source", metavar="MODEL.toml|CONTROLLER.toml", help="what is exported")
+    export.add_argument("--to", choices=("c", "mujoco", "statespace", "matlab"), required=True, help="the language")
+    export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
+    export.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
@@ -446,7 +473,7 @@ def _parser() -> _Parser:
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
     for command in (check, simulate, fit, diagnose):
         command.add_argument("--force", action="store_true", help=_FORCE)
-    for command in (check, simulate, fit, diagnose, control, tune, sweep, figures):
+    for command in (check, simulate, fit, diagnose, control, tune, export, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )
