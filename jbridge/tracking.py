@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .control.base import Reference
 from .control.files import Controller
-from .control.measures import Move, moves
+from .control.measures import Move, limits_of, moves
 from .errors import InputError
 from .loop import closed_loop, periods_remembered
 from .model.files import Model, requires
@@ -86,6 +86,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
             "lower the controller's gains, or see whether a voltage has the wrong sign"
         )
     names = ("x", "psi", "l")
+    limits = np.asarray(limits_of(controller.law)).tolist()
     return Tracking(
         path.times,
         {"x": path.x, "l": path.l},
@@ -93,5 +94,5 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         dict(zip(names, position.T, strict=True)),
         {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
         {"u_x": command[:, 0], "u_l": command[:, 1]},
-        moves(path.times, np.stack([path.x, path.l], axis=1), position, command),
+        moves(path.times, np.stack([path.x, path.l], axis=1), position, command, limits),
     )

@@ -329,7 +329,9 @@ def test_control_moves_the_load(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["control", str(model), "--reference", str(reference), "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "0.3, 0.4" in said and str(out / "control.html") in said
+    assert "0.3, 0.4" in said and str(out / "control.html") in said and "sign changes" in said
+    (move,) = json.loads((out / "control.json").read_text())["moves"]
+    assert (move["settling_time"]["load"] is None) == said.startswith("Warning: the load does not settle in move 1.")
     assert {p.name for p in out.iterdir()} == {"control.html", "control.json", "controller.toml", "run.csv", "figures"}
     again = tmp_path / "again"
     command = ["control", str(model), "--controller", str(out / "controller.toml"), "--reference", str(reference)]
@@ -341,6 +343,7 @@ def test_control_moves_the_load(tmp_path, capsys):
 
 SMALL_CONTROLLER = """
 kind = "fuzzy"
+angle_unit = "deg"
 
 [cart]
 points = 11

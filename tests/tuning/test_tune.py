@@ -34,7 +34,9 @@ from jbridge.tuning.objectives import (
     Leg,
     Overshoot,
     ResidualSwing,
+    Reversals,
     Settling,
+    Travel,
     usual_goal,
 )
 from jbridge.tuning.tune import common_slope, descend, tune
@@ -71,6 +73,12 @@ def test_objectives_are_what_they_say():
     assert float(Overshoot()(found, leg)) == pytest.approx(np.max(x - 1.0), rel=1e-12)
     assert float(Effort()(found, leg)) == pytest.approx(np.mean(np.sum(u**2, axis=1)), rel=1e-12)
     assert float(Chatter()(found, leg)) == pytest.approx(np.mean(np.sum(np.diff(u, axis=0) ** 2, axis=1)), rel=1e-12)
+    # Drives of 0.1 s are behind commands that change by so many volts a second.
+    assert float(Travel(0.1, 1e-6)(found, leg)) == pytest.approx(
+        0.1 * np.mean(np.sum(np.abs(np.diff(u, axis=0)), axis=1)) / 0.02, rel=1e-3
+    )
+    changes = np.sum(np.diff(np.sign(u), axis=0) != 0)
+    assert float(Reversals(0.1, 1e-4)(found, leg)) == pytest.approx(0.1 * changes, abs=0.06)
     both = Goal((Effort(), Chatter()), (2.0, 3.0))
     assert float(both(found, leg)) == pytest.approx(2 * float(Effort()(found, leg)) + 3 * float(Chatter()(found, leg)))
     with pytest.raises(ValueError, match="1 weights for 2 objectives"):
@@ -234,6 +242,11 @@ def test_measures_agree_with_those_of_one_run():
     (told,) = moves(path.times, np.stack([path.x, path.l], 1), position, np.asarray(one.command))
     assert found["itae_x"][1, 0] == pytest.approx(told.itae["x"], rel=0.02)
     assert found["residual_swing"][1, 0] == pytest.approx(told.residual_swing, rel=1e-9)
+    for name in ("x", "l"):
+        assert found[f"sign_changes_{name}"][1, 0] == told.sign_changes[name]
+        assert found[f"saturation_{name}"][1, 0] == pytest.approx(told.saturation[name], abs=1e-12)
+        # The samples of the leg leave out the first change, before the reference moves.
+        assert found[f"chatter_{name}"][1, 0] == pytest.approx(told.travel[name], rel=0.05)
     for name in ("x", "l", "load"):
         assert told.settling_time[name] is not None
         assert found[f"settling_{name}"][1, 0] == pytest.approx(told.settling_time[name], abs=0.021)
