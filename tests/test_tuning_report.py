@@ -24,9 +24,9 @@ def test_nothing_that_is_no_worse_is_warned_of():
 
 def test_more_than_twice_the_travel_or_sign_changes_is_warned_of():
     (said,) = warnings(tuning(chatter_x=np.array([[1.0, 1.0], [1.0, 6.0]])))
-    assert said == "travel of u_x went from 1 to 2.25 V/s on average, more than twice."
+    assert said == "travel of u_x went from 1.00 to 2.25 V/s on average, more than twice."
     (said,) = warnings(tuning(sign_changes_l=np.full((2, 2), 40.0)))
-    assert said == "sign changes of u_l went from 1 to 40 on average, more than twice."
+    assert said == "sign changes of u_l went from 1.00 to 40.0 on average, more than twice."
     # A loop that runs away has no numbers.
     assert len(warnings(tuning(chatter_l=np.full((2, 2), np.nan)))) == 1
 
