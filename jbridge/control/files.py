@@ -1,16 +1,22 @@
 """Controllers in TOML."""
 
 import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._toml import Where, as_value, positive, read_toml, replace_text, word
 from ..errors import InputError
+from ..signals import Path as SignalPath
 from .base import AbstractController
 from .fuzzy import FuzzyController
 from .fuzzy_files import KEYS, fuzzy_lines, read_fuzzy
+from .linear import Pid, StateFeedback
+from .linear_files import FEEDBACK_KEYS, PID_KEYS, feedback_lines, pid_lines, read_feedback, read_pid
+from .shaping import Shaping, read_shaping, shaping_lines
 
 PERIOD = 0.02
 """Sampling period where a file gives none [s], the paper's."""
@@ -25,6 +31,28 @@ class Controller:
     """Of sampling [s]."""
     source: str = field(default="", compare=False)
     """The file that it was read from, for messages."""
+    shaping: Shaping | None = None
+    """What is done to a reference before it is followed."""
+
+    def follows(self, path: SignalPath) -> SignalPath:
+        """The reference that the law is given for a wanted one."""
+        return path if self.shaping is None else self.shaping(path)
+
+
+class _Format(NamedTuple):
+    """How laws of one kind are read and written."""
+
+    law: type[AbstractController]
+    keys: Sequence[str]
+    read: Callable[[Where, Mapping[str, Any], Path], AbstractController]
+    lines: Callable[[Path, Any], tuple[list[str], list[str]]]
+
+
+_FORMATS = {
+    "fuzzy": _Format(FuzzyController, KEYS, read_fuzzy, fuzzy_lines),
+    "pid": _Format(Pid, PID_KEYS, read_pid, pid_lines),
+    "state_feedback": _Format(StateFeedback, FEEDBACK_KEYS, read_feedback, feedback_lines),
+}
 
 
 def load_controller(path: str | os.PathLike[str]) -> Controller:
@@ -35,10 +63,11 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
     """
     document = read_toml(Path(path), "controller", 'kind = "fuzzy" and the tables [cart] and [hoist]')
     file = Where(str(path))
-    word(file, "kind", document.get("kind"), ("fuzzy",))
-    file.check_keys(document, ("kind", "period", *KEYS), "key")
-    law = read_fuzzy(file, document, Path(path).parent)
-    return Controller(law, positive(file, document, "period", PERIOD), str(path))
+    kind = _FORMATS[word(file, "kind", document.get("kind"), _FORMATS)]
+    file.check_keys(document, ("kind", "period", "shaping", *kind.keys), "key")
+    law = kind.read(file, document, Path(path).parent)
+    period, shaping = positive(file, document, "period", PERIOD), read_shaping(file, document.get("shaping"))
+    return Controller(law, period, str(path), shaping)
 
 
 def save_controller(path: str | os.PathLike[str], controller: Controller) -> None:
@@ -48,13 +77,14 @@ def save_controller(path: str | os.PathLike[str], controller: Controller) -> Non
 
     Raises:
         InputError: if the file cannot be written, or cannot hold the controller.
-        TypeError: the law is of another kind.
+        TypeError: the law is of a kind that has no file.
     """
     path, law = Path(path), controller.law
-    if not isinstance(law, FuzzyController):
-        raise TypeError(f"only fuzzy controllers are written, not a {type(law).__name__}")
+    names = [name for name, kind in _FORMATS.items() if isinstance(law, kind.law)]
+    if not names:
+        raise TypeError(f"a {type(law).__name__} has no file; only {', '.join(_FORMATS)} have")
     if not 0.0 < controller.period < np.inf:
         raise InputError(f"{path}: the period is {controller.period:g}, which is not a positive number")
-    lines, tables = fuzzy_lines(path, law)
-    head = ['kind = "fuzzy"', f"period = {as_value(controller.period)}"]
-    replace_text(path, "\n".join([*head, *lines, *tables]) + "\n")
+    lines, tables = _FORMATS[names[0]].lines(path, law)
+    head = [f"kind = {as_value(names[0])}", f"period = {as_value(controller.period)}"]
+    replace_text(path, "\n".join([*head, *lines, *shaping_lines(controller.shaping), *tables]) + "\n")

@@ -46,6 +46,11 @@ def controller_header(controller: Controller, name: str) -> str:
     write = _LAWS.get(type(controller.law))
     if write is None:
         raise InputError(f"a {type(controller.law).__name__} has no form in C; export a fuzzy, PID or LQR controller")
+    if controller.shaping is not None:
+        raise InputError(
+            f"{controller.source or 'the controller'}: shapes its reference, which the header does not; shape the "
+            "reference where it is made, and take [shaping] out of the file"
+        )
     functions, step, sums = write(controller.law, controller.period)
     law: Any = controller.law
     share = controller.period / (controller.period + float(law.differences.time_constant))

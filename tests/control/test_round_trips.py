@@ -9,11 +9,13 @@ import pytest
 
 from jbridge import InputError
 from jbridge._types import Axes
-from jbridge.control.base import Reference
+from jbridge.control.base import Differences, Reference
 from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.fuzzy import FuzzyController
+from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import cart_system, paper_controller
+from jbridge.control.shaping import Shaping
 from jbridge.fuzzy.fis import save_fis
 from jbridge.fuzzy.rules import as_number
 from tests.fuzzy.systems import any_system
@@ -121,3 +123,53 @@ def test_what_is_wrong_with_inputs_is_said(tmp_path, change, complaint):
     path.write_text(text.replace(*change))
     with pytest.raises(InputError, match=complaint):
         load_controller(path)
+
+
+LINEAR = {
+    "pid": Pid(1.0, 0.0, -1 / 3, 1e-300, 5.0, 2.0, Differences(as_number(0.03)), Compensation(cart=0.3), 0.5),
+    "feedback": StateFeedback(jnp.arange(12.0).reshape(2, 6) / 7.0, compensation=Compensation(hoist_bias=-0.5)),
+    "fuzzy": paper_controller(),
+}
+
+
+@pytest.mark.parametrize("name", LINEAR)
+@pytest.mark.parametrize("shaping", [None, Shaping("zvd", 4.4), Shaping("zv", 1 / 3, 0.1)])
+def test_rivals_of_fuzzy_controllers_come_back(tmp_path, name, shaping):
+    given = Controller(LINEAR[name], 0.015, shaping=shaping)
+    save_controller(tmp_path / "c.toml", given)
+    found = load_controller(tmp_path / "c.toml")
+    assert eqx.tree_equal(found.law, given.law) and (found.period, found.shaping) == (0.015, shaping)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "complaint"),
+    [
+        ("pid", ("p = 1.0", 'p = "1"'), r"\[cart\]: p = '1' is not a number"),
+        ("pid", ("cart = {", "trolley = {"), "unknown key 'trolley'"),
+        ("pid", ("{p = 1.0,", "{k = 1.0,"), r"\[cart\]: unknown key 'k'"),
+        ("pid", ("cart = {p = 1.0, i = 0.0, d = -0.3333333333333333}", ""), "no gains of the cart; add cart = {p"),
+        ("feedback", ("cart = [0.0, ", "cart = ["), "is not a list of six gains"),
+        ("feedback", ("cart = [0.0", "cart = [nan"), r"cart\[0\] = nan is not a number"),
+        ("feedback", ('"zvd"', '"zvdd"'), "unknown kind 'zvdd'"),
+        ("feedback", ("frequency = 4.4", ""), "no frequency; add frequency = 4.4"),
+        ("feedback", ("damping = 0.0", "damping = 1.0"), "damping = 1 is no damping ratio"),
+    ],
+)
+def test_what_is_wrong_with_a_rival_is_said(tmp_path, name, change, complaint):
+    path = tmp_path / "c.toml"
+    save_controller(path, Controller(LINEAR[name], shaping=Shaping("zvd", 4.4)))
+    text = path.read_text()
+    assert change[0] in text, text
+    path.write_text(text.replace(*change))
+    with pytest.raises(InputError, match=complaint):
+        load_controller(path)
+
+
+def test_a_rival_that_no_file_can_hold_is_not_written(tmp_path):
+    for law, complaint in (
+        (eqx.tree_at(lambda s: s.cart_p, LINEAR["pid"], as_number(np.nan)), "cart.p is nan"),
+        (eqx.tree_at(lambda s: s.gains, LINEAR["feedback"], jnp.full((2, 6), np.inf)), r"cart\[0\] is inf"),
+    ):
+        with pytest.raises(InputError, match=complaint):
+            save_controller(tmp_path / "c.toml", Controller(law))
+    assert not list(tmp_path.iterdir())
