@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from jbridge.report.files import check_output as check_output
     from jbridge.report.former import load_former as load_former
     from jbridge.report.paper import save_paper as save_paper
+    from jbridge.report.rivals import describe_rivals as describe_rivals
     from jbridge.report.save import save_fit as save_fit
     from jbridge.report.save import save_report as save_report
     from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
@@ -102,6 +103,7 @@ if TYPE_CHECKING:
     from jbridge.tuning.knobs import FuzzyKnobs as FuzzyKnobs
     from jbridge.tuning.knobs import knobs_of as knobs_of
     from jbridge.tuning.linearise import linear_model as linear_model
+    from jbridge.tuning.linearise import lqr_controller as lqr_controller
     from jbridge.tuning.objectives import usual_goal as usual_goal
     from jbridge.tuning.tune import Tuning as Tuning
     from jbridge.tuning.tune import tune as tune
@@ -154,6 +156,7 @@ _HOMES = {
     "describe_check": "report.check",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
+    "describe_rivals": "report.rivals",
     "describe_tracking": "report.tracking",
     "describe_tuning": "report.tuning",
     "diagnose": "diagnosis.diagnose",
@@ -174,6 +177,7 @@ _HOMES = {
     "load_recordings": "recordings",
     "load_reference": "control.references",
     "load_sweep": "sweep.spec",
+    "lqr_controller": "tuning.linearise",
     "measure": "tuning.cost",
     "mixed_legs": "tuning.ensemble",
     "moves": "control.measures",
@@ -254,6 +258,7 @@ __all__ = [
     "describe_check",
     "describe_diagnosis",
     "describe_fit",
+    "describe_rivals",
     "describe_tracking",
     "describe_tuning",
     "diagnose",
@@ -274,6 +279,7 @@ __all__ = [
     "load_recordings",
     "load_reference",
     "load_sweep",
+    "lqr_controller",
     "measure",
     "mixed_legs",
     "moves",

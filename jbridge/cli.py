@@ -68,15 +68,17 @@ move went.
 Without --controller the paper's two fuzzy controllers are used, without
 --reference the paper's moves. DIR receives control.html (to look at),
 control.json (the same in numbers), run.csv (the run as a recording), the
-figures, and controller.toml (the controller, to change and use again).
+figures, and controller.toml (the controller, to change and use again). Several
+controllers are compared in a table that says which of them to take.
 """
 _TUNE = """\
-Makes a fuzzy controller better: moves its sets, scales and rule weights by
-gradients through simulated moves on many bridges about a model, and compares
-on further bridges and moves.
+Makes a controller better: moves a fuzzy controller's sets, scales and rule
+weights, or another law's gains, by gradients through simulated moves on many
+bridges about a model, and compares on further bridges and moves.
 
 Without --controller the rules named by --rules are tuned: the paper's, or the
-extended ones, in which velocity and swing angle act. DIR receives
+extended ones, in which velocity and swing angle act; or a PID controller, or
+state feedback that begins as an LQR of the model. DIR receives
 controller.toml (tuned, for jbridge control), tune.html (to look at), tune.json
 (the same in numbers) and the figures.
 """
@@ -214,22 +216,34 @@ def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
 
 
 def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
-    given = [path for path in (arguments.model, arguments.controller, arguments.reference) if path]
+    files = arguments.controller or [None]
+    given = [path for path in (arguments.model, *files, arguments.reference) if path]
+    names = [Path(file or "paper").stem for file in files]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"--controller: {', '.join(map(str, files))} are called alike; rename one, its results need it"
+        )
     jbridge.check_output(arguments.out, folder=True, inputs=given)
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
-    controller = _controller(arguments.controller)
-    if arguments.reference:
-        path = jbridge.load_reference(arguments.reference, controller.period)
-    else:
-        path = jbridge.paper_path(controller.period)
-    progress("simulating")
-    tracking = jbridge.track(model, controller, path)
-    progress("drawing")
-    jbridge.save_tracking(arguments.out, tracking, controller)
-    progress.clear()
-    print(jbridge.describe_tracking(tracking, arguments.out), end="")
+    controllers = {name: _controller(file) for name, file in zip(names, files, strict=True)}
+    runs = {}
+    for name, controller in controllers.items():
+        if arguments.reference:
+            path = jbridge.load_reference(arguments.reference, controller.period)
+        else:
+            path = jbridge.paper_path(controller.period)
+        progress(f"simulating {name}")
+        runs[name] = jbridge.track(model, controller, path)
+    for name, run in runs.items():
+        folder = Path(arguments.out) if len(runs) == 1 else Path(arguments.out) / name
+        progress("drawing")
+        jbridge.save_tracking(folder, run, controllers[name])
+        progress.clear()
+        print(f"{name}:\n" * (len(runs) > 1) + jbridge.describe_tracking(run, folder), end="\n" * (len(runs) > 1))
+    if len(runs) > 1:
+        print(jbridge.describe_rivals(runs), end="")
 
 
 def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -243,7 +257,7 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     if arguments.controller or arguments.rules == "paper":
         controller = _controller(arguments.controller)
     else:
-        controller = jbridge.Controller(jbridge.extended_controller(jbridge.compensation_for(model.plant)))
+        controller = _law(arguments.rules, model)
     tuning = jbridge.tune(
         model,
         controller,
@@ -259,6 +273,16 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_tuning(arguments.out, tuning)
     progress.clear()
     print(jbridge.describe_tuning(tuning, arguments.out), end="")
+
+
+def _law(rules: str, model: "jbridge.Model") -> "jbridge.Controller":
+    """A controller to begin with, made for a model."""
+    given = jbridge.compensation_for(model.plant)
+    if rules == "extended":
+        return jbridge.Controller(jbridge.extended_controller(given))
+    if rules == "pid":
+        return jbridge.Controller(jbridge.Pid(compensation=given))
+    return jbridge.lqr_controller(model, given)
 
 
 def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Region | None":
@@ -433,14 +457,21 @@ def _parser() -> _Parser:
     control = _command(commands, "control", "how a controller moves the load", _CONTROL, _control)
     control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
     control.add_argument("model", metavar="MODEL.toml", help=_MODEL)
-    control.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller; the paper's by default")
+    control.add_argument(
+        "--controller",
+        metavar="CONTROLLER.toml",
+        nargs="+",
+        help="the controller; the paper's by default; several are compared, each in a folder of its own",
+    )
     control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
     control.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     tune = _command(commands, "tune", "a controller made better by gradients", _TUNE, _tune)
     tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
     tune.add_argument("model", metavar="MODEL.toml", help=_MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
-    tune.add_argument("--rules", choices=("paper", "extended"), default="paper", help="otherwise (%(default)s)")
+    tune.add_argument(
+        "--rules", choices=("paper", "extended", "pid", "lqr"), default="paper", help="otherwise (%(default)s)"
+    )
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
     tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")

@@ -55,6 +55,11 @@ _FORMATS = {
 }
 
 
+def has_file(law: AbstractController) -> bool:
+    """Whether `save_controller` can write a law."""
+    return any(isinstance(law, kind.law) for kind in _FORMATS.values())
+
+
 def load_controller(path: str | os.PathLike[str]) -> Controller:
     """Reads a controller.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController
-from ..control.files import save_controller
+from ..control.files import has_file, save_controller
 from ..control.fuzzy import FuzzyController
 from ..fuzzy.inference import Mamdani
 from ..summaries import UNITS
@@ -58,7 +58,7 @@ def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     """
     target = Path(folder)
     make_folder(target)
-    if isinstance(tuning.controller.law, FuzzyController):
+    if has_file(tuning.controller.law):
         save_controller(target / "controller.toml", tuning.controller)
     told: dict[str, Any] = {
         "schema": 1,
@@ -114,7 +114,7 @@ def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]
-        if isinstance(tuning.controller.law, FuzzyController):
+        if has_file(tuning.controller.law):
             lines += [f"            {Path(folder) / 'controller.toml'}"]
     return "\n".join(lines) + "\n"
 

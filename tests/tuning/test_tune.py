@@ -25,7 +25,7 @@ from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.linearise import linear_model
+from jbridge.tuning.linearise import linear_model, lqr_controller
 from jbridge.tuning.objectives import (
     Chatter,
     Effort,
@@ -227,6 +227,18 @@ def test_tuning_makes_a_law_better_and_the_same_twice():
     assert shapes == {"train": (3, 1), "held_out": (2, 4)}
     with pytest.raises(InputError, match="at least 1"):
         tune(MODEL, given, steps=0)
+
+
+def test_an_lqr_is_that_of_python_control():
+    """Gains against another solver, and a loop that is stable."""
+    control = pytest.importorskip("control")
+    law = lqr_controller(MODEL, length=0.5).law
+    a, b, _ = linear_model(PLANT, 0.5, 0.02)
+    degree = np.radians(1.0)
+    q = np.diag(np.array([0.01, degree, 0.01, 0.1, 5 * degree, 0.1]) ** -2.0)
+    wanted, _, poles = control.dlqr(a, b, q, np.diag([1.0, 1 / 9.0]))
+    np.testing.assert_allclose(law.gains, wanted, rtol=1e-6, atol=1e-7)
+    assert np.abs(poles).max() < 1.0
 
 
 def test_measures_agree_with_those_of_one_run():
