@@ -89,8 +89,8 @@ class PositiveKnobs(AbstractKnobs):
         begin, values = 0, []
         for name, places in zip(self._names, self._places, strict=True):
             value = jnp.asarray(getattr(self._law, name))
-            factors = jnp.exp(coordinates[begin : begin + len(places)])
-            values.append((value.ravel().at[places].multiply(factors)).reshape(value.shape))
+            factors = jnp.ones(value.size).at[places].set(jnp.exp(coordinates[begin : begin + len(places)]))
+            values.append(value * factors.reshape(value.shape))
             begin += len(places)
         law = eqx.tree_at(lambda law: [getattr(law, name) for name in self._names], self._law, values)
         return _compensated(law, coordinates[self._count :]) if self._shares else law

@@ -94,6 +94,9 @@ def test_gains_in_an_array_keep_signs_and_zeros():
     assert [knob.name for knob in knobs.knobs] == ["gains[0][0]", "gains[0][1]", "gains[0][4]", "gains[1][2]"]
     found = knobs.set(jnp.log(jnp.array([1.0, 2.0, 0.5, 3.0]))).gains
     np.testing.assert_allclose(found, [[2.0, -6.0, 0.0, 0.0, 0.5, 0.0], [0.0, 0.0, 15.0, 0.0, 0.0, 0.0]])
+    # A gain grows by itself times what its logarithm grows by.
+    slopes = jax.grad(lambda z: knobs.set(z).gains.sum())(jnp.zeros(4))
+    np.testing.assert_allclose(slopes, [2.0, -3.0, 1.0, 5.0])
 
 
 def test_a_law_without_numbers_is_refused():
