@@ -79,8 +79,11 @@ bridges about a model, and compares on further bridges and moves.
 Without --controller the rules named by --rules are tuned: the paper's, or the
 extended ones, in which velocity and swing angle act; or a PID controller, or
 state feedback that begins as an LQR of the model. DIR receives
-controller.toml (tuned, for jbridge control), tune.html (to look at), tune.json
-(the same in numbers) and the figures.
+controller.toml (tuned, for jbridge control), controller.h (the same in C),
+tune.html (to look at), tune.json (the same in numbers) and the figures.
+
+Bridges scatter by the uncertainties that the model has from a fit or a
+diagnosis, otherwise by shares that laboratory bridges need.
 """
 _EXPORT = """\
 Writes a controller or a model in the language of another program.

@@ -374,7 +374,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
         assert main(["tune", str(model), *begin, *small, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "cost" in said and str(out / "tune.html") in said and str(out / "controller.toml") in said
-    assert {p.name for p in out.iterdir()} == {"controller.toml", "tune.json", "tune.html", "figures"}
+    assert {p.name for p in out.iterdir()} == {"controller.toml", "controller.h", "tune.json", "tune.html", "figures"}
     told = json.loads((out / "tune.json").read_text())
     assert len(told["history"]) == 2 and set(told["measures"]) == {"train", "held_out"}
     assert {"response.png", "sets-cart.png", "surface-hoist.png", "ensemble.png"} <= {

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..control.base import AbstractController
 from ..control.files import has_file, save_controller
 from ..control.fuzzy import FuzzyController
+from ..export.c import controller_header
 from ..fuzzy.inference import Mamdani
 from ..summaries import UNITS
 from ..tuning.tune import Tuning
@@ -38,8 +39,8 @@ SHOWN: Mapping[str, tuple[str, str, float]] = {
 }
 """What is told of a controller: name, unit, factor from the summaries' unit."""
 _DRAWN = ("settling_load", "residual_swing", "itae_x")
-_RESTLESS = ("chatter_x", "chatter_l", "sign_changes_x", "sign_changes_l")
-"""What must not grow beyond twice that of the controller as given."""
+_RESTLESS = {"chatter_x": 0.1, "chatter_l": 0.1, "sign_changes_x": 1.0, "sign_changes_l": 1.0}
+"""What must not grow beyond twice that of the controller as given, and what is too small for that to matter."""
 _SHOWN_ERROR = 0.2
 """How far from zero surfaces show the error, as a share of the larger scale."""
 _COURSES = {"train": "tuned on", "held_out": "held out"}
@@ -51,7 +52,9 @@ _EXPLAINED = (
 
 
 def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
-    """Writes controller.toml (tuned), tune.json, figures/*.png and tune.html.
+    """Writes controller.toml (tuned), controller.h (the same in C), tune.json, figures/*.png and tune.html.
+
+    A controller that shapes its reference has no form in C.
 
     Raises:
         InputError: if a file cannot be written.
@@ -60,6 +63,8 @@ def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     make_folder(target)
     if has_file(tuning.controller.law):
         save_controller(target / "controller.toml", tuning.controller)
+        if tuning.controller.shaping is None:
+            write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
     told: dict[str, Any] = {
         "schema": 1,
         "cost": {name: {"before": a, "after": b} for name, (a, b) in tuning.costs.items()},
@@ -90,9 +95,9 @@ def warnings(tuning: Tuning) -> list[str]:
     """Sentences on what became worse on the held-out bridges, and on moves whose load does not settle there."""
     before, after = tuning.measures["held_out"]
     found = []
-    for key in _RESTLESS:
+    for key, small in _RESTLESS.items():
         old, new = float(np.mean(before[key])), float(np.mean(after[key]))
-        if not new <= 2.0 * old:
+        if not new <= max(2.0 * old, small):
             name, unit, _ = SHOWN[key]
             unit = "" if unit == "1" else f" {unit}"
             found.append(f"{name} went from {digits(old)} to {digits(new)}{unit} on average, more than twice.")

@@ -96,7 +96,7 @@ def tune(
         steps: gradient steps.
         starts: number of starts, the given controller first, then the best of some random ones about it, every second
             start with random scales or gains alone; after a fifth of the steps only the best goes on.
-        scatter: how far bridges lie from the model.
+        scatter: how far bridges lie from the model where it does not say how certain it is; see `scattered`.
         seed: of bridges, moves and starts.
         progress: told what goes on, a short text at a time.
 
@@ -114,10 +114,10 @@ def tune(
     knobs = knobs_of(controller.law)
     period, prepare = controller.period, prepare or controller.shaping
     plant = late(model.plant) if scatter.late > 0 else model.plant
-    course = Course(plant, scattered(plant, plants, seed, scatter), legs, period, prepare)
+    course = Course(plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare)
     others = Course(
         plant,
-        scattered(plant, held_out + 1, seed + 1, scatter)[1:],
+        scattered(plant, held_out + 1, seed + 1, scatter, model.uncertainty)[1:],
         random_legs(
             _HELD_OUT_MOVES,
             seed + 1,

@@ -105,6 +105,28 @@ def test_bridges_scatter_as_told():
         assert share == 0.0 or np.abs(factors - 1).max() > 0.9 * share
 
 
+def test_bridges_scatter_by_a_models_own_uncertainty():
+    known = {
+        "cart_damping": {"std": 9.0, "low": 27.0, "high": 63.0},
+        "coulomb_friction@cart.level": {"std": 0.01},
+        "load_mass": {"std": 1e-6},
+        "hoist_damping": {"low": 1.0},
+        "dead_zone@cart_drive.positive": {"std": 0.1},
+    }
+    rows, plain = scattered(PLANT, 4000, 1, uncertainty=known), scattered(PLANT, 4000, 1)
+    table = ParameterTable(PLANT)
+    np.testing.assert_array_equal(rows[0], plain[0])
+    # A normal distribution cut off at twice its deviation has 0.95 of it; a certain number keeps a twentieth of itself.
+    for name, std in (("cart_damping", 9.0), ("coulomb_friction@cart.level", 0.05 * 3.0)):
+        (place,) = table.positions(name)
+        away = rows[1:, place] - rows[0, place]
+        assert np.std(away) == pytest.approx(0.95 * std, rel=0.05) and np.abs(away).max() <= 2.0 * std + 1e-12
+    same = np.setdiff1d(
+        np.arange(table.size), [*table.positions("cart_damping"), *table.positions("coulomb_friction@cart.level")]
+    )
+    np.testing.assert_array_equal(rows[:, same], plain[:, same])
+
+
 def test_drives_may_answer_later_than_the_models():
     """The model itself stays as it is, and its other numbers scatter as without."""
     plant = late(PLANT)
