@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from jbridge.diagnosis.result import Diagnosis as Diagnosis
     from jbridge.diagnosis.result import Former as Former
     from jbridge.errors import InputError as InputError
+    from jbridge.export.c import controller_header as controller_header
+    from jbridge.export.models import state_space as state_space
+    from jbridge.export.save import save_export as save_export
     from jbridge.fuzzy.check import idle_parts as idle_parts
     from jbridge.fuzzy.fis import load_fis as load_fis
     from jbridge.fuzzy.fis import save_fis as save_fis
@@ -64,6 +67,7 @@ if TYPE_CHECKING:
     from jbridge.report.files import check_output as check_output
     from jbridge.report.former import load_former as load_former
     from jbridge.report.paper import save_paper as save_paper
+    from jbridge.report.rivals import describe_rivals as describe_rivals
     from jbridge.report.save import save_fit as save_fit
     from jbridge.report.save import save_report as save_report
     from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
@@ -99,6 +103,7 @@ if TYPE_CHECKING:
     from jbridge.tuning.knobs import FuzzyKnobs as FuzzyKnobs
     from jbridge.tuning.knobs import knobs_of as knobs_of
     from jbridge.tuning.linearise import linear_model as linear_model
+    from jbridge.tuning.linearise import lqr_controller as lqr_controller
     from jbridge.tuning.objectives import usual_goal as usual_goal
     from jbridge.tuning.tune import Tuning as Tuning
     from jbridge.tuning.tune import tune as tune
@@ -147,9 +152,11 @@ _HOMES = {
     "check_output": "report.files",
     "closed_loop": "loop",
     "compensation_for": "tuning.compensation",
+    "controller_header": "export.c",
     "describe_check": "report.check",
     "describe_diagnosis": "report.terminal",
     "describe_fit": "report.terminal",
+    "describe_rivals": "report.rivals",
     "describe_tracking": "report.tracking",
     "describe_tuning": "report.tuning",
     "diagnose": "diagnosis.diagnose",
@@ -170,6 +177,7 @@ _HOMES = {
     "load_recordings": "recordings",
     "load_reference": "control.references",
     "load_sweep": "sweep.spec",
+    "lqr_controller": "tuning.linearise",
     "measure": "tuning.cost",
     "mixed_legs": "tuning.ensemble",
     "moves": "control.measures",
@@ -184,6 +192,7 @@ _HOMES = {
     "save_comparison": "report.comparison",
     "save_controller": "control.files",
     "save_csv": "recordings",
+    "save_export": "export.save",
     "save_fis": "fuzzy.fis",
     "save_fit": "report.save",
     "save_model": "model.files",
@@ -195,6 +204,7 @@ _HOMES = {
     "shaped": "control.shaping",
     "simulate": "prediction",
     "smooth_path": "signals",
+    "state_space": "export.models",
     "track": "tracking",
     "tune": "tuning.tune",
     "usual_goal": "tuning.objectives",
@@ -244,9 +254,11 @@ __all__ = [
     "check_output",
     "closed_loop",
     "compensation_for",
+    "controller_header",
     "describe_check",
     "describe_diagnosis",
     "describe_fit",
+    "describe_rivals",
     "describe_tracking",
     "describe_tuning",
     "diagnose",
@@ -267,6 +279,7 @@ __all__ = [
     "load_recordings",
     "load_reference",
     "load_sweep",
+    "lqr_controller",
     "measure",
     "mixed_legs",
     "moves",
@@ -281,6 +294,7 @@ __all__ = [
     "save_comparison",
     "save_controller",
     "save_csv",
+    "save_export",
     "save_fis",
     "save_fit",
     "save_model",
@@ -293,6 +307,7 @@ __all__ = [
     "shaped",
     "simulate",
     "smooth_path",
+    "state_space",
     "track",
     "tune",
     "usual_goal",

@@ -55,6 +55,30 @@ def word(where: Where, key: str, value: Any, choices: Iterable[str]) -> str:
     return value
 
 
+def positive(where: Where, table: Mapping[str, Any], key: str, default: float) -> float:
+    """A positive number, or the default where a table has none."""
+    value = number(where, table, key, default)
+    if not value > 0.0:
+        where.refuse(f"{key} = {shown(table[key])} is not a positive number; write it as {key} = {default}")
+    return value
+
+
+def number(where: Where, table: Mapping[str, Any], key: str, default: float) -> float:
+    """A finite number, or the default where a table has none."""
+    value = table.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
+        where.refuse(f"{key} = {shown(value)} is not a number; write it as {key} = {default}")
+    return float(value)
+
+
+def flag(where: Where, table: Mapping[str, Any], key: str) -> bool:
+    """True or false; false where a table has neither."""
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        where.refuse(f"{key} = {shown(value)} is neither true nor false")
+    return bool(value)
+
+
 def shown(value: Any) -> str:
     """A value as it may stand in a message."""
     text = quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)

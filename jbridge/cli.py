@@ -1,4 +1,4 @@
-"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, sweep, figures.
+"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, export, sweep, figures.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -68,17 +68,31 @@ move went.
 Without --controller the paper's two fuzzy controllers are used, without
 --reference the paper's moves. DIR receives control.html (to look at),
 control.json (the same in numbers), run.csv (the run as a recording), the
-figures, and controller.toml (the controller, to change and use again).
+figures, and controller.toml (the controller, to change and use again). Several
+controllers are compared in a table that says which of them to take.
 """
 _TUNE = """\
-Makes a fuzzy controller better: moves its sets, scales and rule weights by
-gradients through simulated moves on many bridges about a model, and compares
-on further bridges and moves.
+Makes a controller better: moves a fuzzy controller's sets, scales and rule
+weights, or another law's gains, by gradients through simulated moves on many
+bridges about a model, and compares on further bridges and moves.
 
 Without --controller the rules named by --rules are tuned: the paper's, or the
-extended ones, in which velocity and swing angle act. DIR receives
-controller.toml (tuned, for jbridge control), tune.html (to look at), tune.json
-(the same in numbers) and the figures.
+extended ones, in which velocity and swing angle act; or a PID controller, or
+state feedback that begins as an LQR of the model. DIR receives
+controller.toml (tuned, for jbridge control), controller.h (the same in C),
+tune.html (to look at), tune.json (the same in numbers) and the figures.
+
+Bridges scatter by the uncertainties that the model has from a fit or a
+diagnosis, otherwise by shares that laboratory bridges need.
+"""
+_EXPORT = """\
+Writes a controller or a model in the language of another program.
+
+A controller becomes one header in C99 (--to c): no allocation, double or float,
+and a self-test. A model becomes MuJoCo's XML (--to mujoco), a linear system
+about the load hanging still on --rope metres for Python (--to statespace), or a
+MATLAB function with its numbers (--to matlab); what the language cannot say of
+a model's effects is named in the file.
 """
 _SWEEP = """\
 Runs a controller on many bridges: every point of a grid or of a sample of
@@ -205,22 +219,34 @@ def _diagnose(arguments: argparse.Namespace, progress: "_Progress") -> None:
 
 
 def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
-    given = [path for path in (arguments.model, arguments.controller, arguments.reference) if path]
+    files = arguments.controller or [None]
+    given = [path for path in (arguments.model, *files, arguments.reference) if path]
+    names = [Path(file or "paper").stem for file in files]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"--controller: {', '.join(map(str, files))} are called alike; rename one, its results need it"
+        )
     jbridge.check_output(arguments.out, folder=True, inputs=given)
     progress("reading")
     jbridge.set_up(arguments.cache, whole_loops=True)
     model = jbridge.load_model(arguments.model)
-    controller = _controller(arguments.controller)
-    if arguments.reference:
-        path = jbridge.load_reference(arguments.reference, controller.period)
-    else:
-        path = jbridge.paper_path(controller.period)
-    progress("simulating")
-    tracking = jbridge.track(model, controller, path)
-    progress("drawing")
-    jbridge.save_tracking(arguments.out, tracking, controller)
-    progress.clear()
-    print(jbridge.describe_tracking(tracking, arguments.out), end="")
+    controllers = {name: _controller(file) for name, file in zip(names, files, strict=True)}
+    runs = {}
+    for name, controller in controllers.items():
+        if arguments.reference:
+            path = jbridge.load_reference(arguments.reference, controller.period)
+        else:
+            path = jbridge.paper_path(controller.period)
+        progress(f"simulating {name}")
+        runs[name] = jbridge.track(model, controller, path)
+    for name, run in runs.items():
+        folder = Path(arguments.out) if len(runs) == 1 else Path(arguments.out) / name
+        progress("drawing")
+        jbridge.save_tracking(folder, run, controllers[name])
+        progress.clear()
+        print(f"{name}:\n" * (len(runs) > 1) + jbridge.describe_tracking(run, folder), end="\n" * (len(runs) > 1))
+    if len(runs) > 1:
+        print(jbridge.describe_rivals(runs), end="")
 
 
 def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -234,7 +260,7 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     if arguments.controller or arguments.rules == "paper":
         controller = _controller(arguments.controller)
     else:
-        controller = jbridge.Controller(jbridge.extended_controller(jbridge.compensation_for(model.plant)))
+        controller = _law(arguments.rules, model)
     tuning = jbridge.tune(
         model,
         controller,
@@ -250,6 +276,16 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     jbridge.save_tuning(arguments.out, tuning)
     progress.clear()
     print(jbridge.describe_tuning(tuning, arguments.out), end="")
+
+
+def _law(rules: str, model: "jbridge.Model") -> "jbridge.Controller":
+    """A controller to begin with, made for a model."""
+    given = jbridge.compensation_for(model.plant)
+    if rules == "extended":
+        return jbridge.Controller(jbridge.extended_controller(given))
+    if rules == "pid":
+        return jbridge.Controller(jbridge.Pid(compensation=given))
+    return jbridge.lqr_controller(model, given)
 
 
 def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Region | None":
@@ -271,6 +307,15 @@ def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Regi
 def _controller(path: str | None) -> "jbridge.Controller":
     """The controller of a file, or the paper's."""
     return jbridge.load_controller(path) if path else jbridge.Controller(jbridge.paper_controller())
+
+
+def _export(arguments: argparse.Namespace, progress: "_Progress") -> None:
+    jbridge.check_output(arguments.out, folder=True, inputs=[arguments.source])
+    progress("reading")
+    jbridge.set_up(arguments.cache)
+    path = jbridge.save_export(arguments.out, arguments.source, arguments.to, rope=arguments.rope)
+    progress.clear()
+    print(path)
 
 
 def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
@@ -415,14 +460,21 @@ def _parser() -> _Parser:
     control = _command(commands, "control", "how a controller moves the load", _CONTROL, _control)
     control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
     control.add_argument("model", metavar="MODEL.toml", help=_MODEL)
-    control.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller; the paper's by default")
+    control.add_argument(
+        "--controller",
+        metavar="CONTROLLER.toml",
+        nargs="+",
+        help="the controller; the paper's by default; several are compared, each in a folder of its own",
+    )
     control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
     control.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     tune = _command(commands, "tune", "a controller made better by gradients", _TUNE, _tune)
     tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
     tune.add_argument("model", metavar="MODEL.toml", help=_MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
-    tune.add_argument("--rules", choices=("paper", "extended"), default="paper", help="otherwise (%(default)s)")
+    tune.add_argument(
+        "--rules", choices=("paper", "extended", "pid", "lqr"), default="paper", help="otherwise (%(default)s)"
+    )
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
     tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
@@ -431,6 +483,15 @@ def _parser() -> _Parser:
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
     tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
     tune.add_argument("--out", metavar="DIR", required=True, help=_OUT)
+    export = _command(commands, "export", "a controller in C, a model for other programs", _EXPORT, _export)
+    export.epilog = (
+        "example:\n  jbridge export tuned/controller.toml --to c --out rig\n"
+        "  jbridge export fitted/model.toml --to mujoco --out scene"
+    )
+    export.add_argument("source", metavar="MODEL.toml|CONTROLLER.toml", help="what is exported")
+    export.add_argument("--to", choices=("c", "mujoco", "statespace", "matlab"), required=True, help="the language")
+    export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
+    export.add_argument("--out", metavar="DIR", required=True, help=_OUT)
     sweep = _command(commands, "sweep", "one question to many bridges", _SWEEP, _sweep)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
@@ -446,7 +507,7 @@ def _parser() -> _Parser:
     figures.add_argument("--out", metavar="DIR", default="figures", help="folder for the results (%(default)s)")
     for command in (check, simulate, fit, diagnose):
         command.add_argument("--force", action="store_true", help=_FORCE)
-    for command in (check, simulate, fit, diagnose, control, tune, sweep, figures):
+    for command in (check, simulate, fit, diagnose, control, tune, export, sweep, figures):
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )

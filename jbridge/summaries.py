@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from ._math import sincos
 from .collect import AbstractSummary
-from .control.measures import DWELL, NEAR
+from .control.measures import DWELL, FULL, IDLE, NEAR
 
 UNITS = {
     "settling_x": "s",
@@ -27,6 +27,10 @@ UNITS = {
     "effort_l": "V^2",
     "chatter_x": "V/s",
     "chatter_l": "V/s",
+    "sign_changes_x": "1",
+    "sign_changes_l": "1",
+    "saturation_x": "1",
+    "saturation_l": "1",
     "lowest_x": "m",
     "highest_x": "m",
 }
@@ -44,6 +48,10 @@ class _Numbers(NamedTuple):
     residual: Array
     effort: Array
     chatter: Array
+    side: Array
+    """Sign of each voltage when it last had one."""
+    changes: Array
+    full: Array
     last: Array
     error: Array
     low: Array
@@ -61,11 +69,14 @@ class MoveSummary(AbstractSummary):
     """Time from which the swing counts as residual [s]."""
     period: Array
     """Of sampling [s]."""
+    limits: Array
+    """Voltages beyond which the drives saturate [V]: cart, hoist."""
 
     def start(self, sample: Any) -> _Numbers:
         zero, two = jnp.zeros_like(self.period), jnp.zeros_like(self.goal)
         big = jnp.full_like(self.period, jnp.inf)
-        return _Numbers(zero, jnp.full(3, -1.0, two.dtype), two, two, two, zero, zero, two, two, two, two, big, -big)
+        never = jnp.full(3, -1.0, two.dtype)
+        return _Numbers(zero, never, two, two, two, zero, zero, two, two, two, two, two, two, two, big, -big)
 
     def update(self, numbers: _Numbers, sample: Any) -> _Numbers:
         q, t, u = sample.q, sample.times, sample.command
@@ -77,6 +88,7 @@ class MoveSummary(AbstractSummary):
         away = ~(jnp.append(jnp.abs(error), load) <= NEAR)
         follow = place - jnp.stack([sample.reference.x, sample.reference.l])
         swing = jnp.abs(q.psi)
+        side = jnp.where(jnp.abs(u) > IDLE * self.limits, jnp.sign(u), numbers.side)
         return _Numbers(
             numbers.samples + 1.0,
             jnp.where(away, t, numbers.outside),
@@ -87,6 +99,9 @@ class MoveSummary(AbstractSummary):
             jnp.where(t >= self.late, jnp.maximum(numbers.residual, swing), numbers.residual),
             numbers.effort + u * u,
             numbers.chatter + jnp.where(numbers.samples > 0, jnp.abs(u - numbers.last), 0.0),
+            side,
+            numbers.changes + jnp.where(side * numbers.side < 0.0, 1.0, 0.0),
+            numbers.full + jnp.where(jnp.abs(u) >= FULL * self.limits, 1.0, 0.0),
             u,
             error,
             jnp.minimum(numbers.low, q.x),
@@ -104,7 +119,8 @@ class MoveSummary(AbstractSummary):
             settled[0], settled[1], settled[2], numbers.beyond[0], numbers.beyond[1], numbers.error[0],
             numbers.error[1], rms[0], rms[1], numbers.itae[0], numbers.itae[1], numbers.swing, numbers.residual,
             numbers.effort[0] / count, numbers.effort[1] / count, numbers.chatter[0] / seconds,
-            numbers.chatter[1] / seconds, numbers.low, numbers.high,
+            numbers.chatter[1] / seconds, numbers.changes[0], numbers.changes[1], numbers.full[0] / count,
+            numbers.full[1] / count, numbers.low, numbers.high,
         )  # fmt: skip
         return dict(zip(UNITS, values, strict=True))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .control.base import Reference
 from .control.files import Controller
-from .control.measures import Move, moves
+from .control.measures import Move, limits_of, moves
 from .errors import InputError
 from .loop import closed_loop, periods_remembered
 from .model.files import Model, requires
@@ -25,7 +25,7 @@ class Tracking:
     times: NDArray[np.float64]
     """[s]"""
     reference: Mapping[str, NDArray[np.float64]]
-    """Wanted `x` and `l` [m]."""
+    """Wanted `x` and `l`, as the controller follows them [m]."""
     reference_speed: Mapping[str, NDArray[np.float64]]
     """The same for their speeds [m/s]."""
     position: Mapping[str, NDArray[np.float64]]
@@ -53,7 +53,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     Args:
         model: what moves.
         controller: what commands it.
-        path: the reference, at the controller's samples (`signals.smooth_path`).
+        path: the reference, at the controller's samples (`signals.smooth_path`); the controller's shaping is done here.
 
     Raises:
         InputError: the model lacks a part of the bridge, path and controller have different periods, or the loop runs
@@ -66,6 +66,10 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
             f"{controller.source or 'the controller'}: it samples every {period:g} s, but the reference does not; "
             "give the reference at the controller's samples"
         )
+    wanted, path = path, controller.follows(path)
+    # Shaped references end later; what is wanted stays where it is meanwhile, and is what the moves are measured by.
+    beyond = [(0, len(path.times) - len(wanted.times)), (0, 0)]
+    goal = np.pad(np.stack([wanted.x, wanted.l], axis=1), beyond, mode="edge")
     initial = np.zeros(6 + 2 * len(plant.mechanisms))
     initial[0], initial[2] = path.x[0], path.l[0]
     response = _run(
@@ -86,6 +90,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
             "lower the controller's gains, or see whether a voltage has the wrong sign"
         )
     names = ("x", "psi", "l")
+    limits = np.asarray(limits_of(controller.law)).tolist()
     return Tracking(
         path.times,
         {"x": path.x, "l": path.l},
@@ -93,5 +98,5 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         dict(zip(names, position.T, strict=True)),
         {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
         {"u_x": command[:, 0], "u_l": command[:, 1]},
-        moves(path.times, np.stack([path.x, path.l], axis=1), position, command),
+        moves(path.times, goal, position, command, limits),
     )

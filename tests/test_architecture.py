@@ -29,7 +29,7 @@ LAYERS = (
     {"summaries", "tracking"},
     {"identification"},
     {"diagnosis", "prediction", "tuning"},
-    {"sweep"},
+    {"export", "sweep"},
     {"plots", "report"},
     {"cli", "demo"},
     {"__main__"},

@@ -329,7 +329,9 @@ def test_control_moves_the_load(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["control", str(model), "--reference", str(reference), "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "0.3, 0.4" in said and str(out / "control.html") in said
+    assert "0.3, 0.4" in said and str(out / "control.html") in said and "sign changes" in said
+    (move,) = json.loads((out / "control.json").read_text())["moves"]
+    assert (move["settling_time"]["load"] is None) == said.startswith("Warning: the load does not settle in move 1.")
     assert {p.name for p in out.iterdir()} == {"control.html", "control.json", "controller.toml", "run.csv", "figures"}
     again = tmp_path / "again"
     command = ["control", str(model), "--controller", str(out / "controller.toml"), "--reference", str(reference)]
@@ -341,6 +343,7 @@ def test_control_moves_the_load(tmp_path, capsys):
 
 SMALL_CONTROLLER = """
 kind = "fuzzy"
+angle_unit = "deg"
 
 [cart]
 points = 11
@@ -371,7 +374,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
         assert main(["tune", str(model), *begin, *small, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "cost" in said and str(out / "tune.html") in said and str(out / "controller.toml") in said
-    assert {p.name for p in out.iterdir()} == {"controller.toml", "tune.json", "tune.html", "figures"}
+    assert {p.name for p in out.iterdir()} == {"controller.toml", "controller.h", "tune.json", "tune.html", "figures"}
     told = json.loads((out / "tune.json").read_text())
     assert len(told["history"]) == 2 and set(told["measures"]) == {"train", "held_out"}
     assert {"response.png", "sets-cart.png", "surface-hoist.png", "ensemble.png"} <= {
@@ -391,7 +394,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
 def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(CONTROL_MODEL)
-    Path("sugeno.toml").write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    Path("sugeno.toml").write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     Path("folder.toml").write_text('kind = "fuzzy"\ncart = "."\nhoist = "."\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
         jbridge.save_fis(f"{name}.fis", sugeno(inputs))
@@ -403,7 +406,7 @@ def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, 
 def test_a_sugeno_controller_moves_the_load_and_comes_back(tmp_path, capsys):
     model, given, out = tmp_path / "model.toml", tmp_path / "given.toml", tmp_path / "out"
     model.write_text(CONTROL_MODEL)
-    given.write_text('kind = "fuzzy"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
+    given.write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
         jbridge.save_fis(tmp_path / f"{name}.fis", sugeno(inputs))
     reference = tmp_path / "reference.toml"

@@ -1,12 +1,17 @@
 """What friction and dead zone take from a drive, given back."""
 
+import dataclasses
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from .._toml import Where, as_value, number, positive, shown
 from .._types import Scalar
+from ..errors import InputError
 from ..fuzzy.membership import as_number
 
 LIMITS = (3.0, 10.0)
@@ -38,3 +43,38 @@ class Compensation(eqx.Module):
         lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
         limits = jnp.stack([self.cart_limit, self.hoist_limit])
         return jnp.clip(command + lost + jnp.stack([jnp.zeros(()), self.hoist_bias]), -limits, limits)
+
+
+def read_compensation(file: Where, table: Any) -> Compensation | None:
+    """The table [compensation] of a controller's file, if there is one.
+
+    Raises:
+        InputError: naming the key and what to do.
+    """
+    if table is None:
+        return None
+    names = [f.name for f in dataclasses.fields(Compensation)]
+    if not isinstance(table, dict):
+        file.refuse(f"compensation = {shown(table)} is not a table; write [compensation] with {', '.join(names)}")
+    where = file.within("[compensation]")
+    where.check_keys(table, names, "key")
+    read = {key: positive if key in _POSITIVE else number for key in table}
+    return Compensation(**{key: as_number(take(where, table, key, 0.05)) for key, take in read.items()})
+
+
+def compensation_lines(path: Path, compensation: Compensation | None) -> list[str]:
+    """The table's lines, from which `read_compensation` reads the same.
+
+    Raises:
+        InputError: a number is not finite, or not positive where it must be.
+    """
+    if compensation is None:
+        return []
+    numbers = {f.name: float(getattr(compensation, f.name)) for f in dataclasses.fields(compensation)}
+    for key, value in numbers.items():
+        if not np.isfinite(value) or (key in _POSITIVE and value <= 0.0):
+            raise InputError(f"{path}: [compensation] {key} is {value:g}; correct it before it is written")
+    return ["", "[compensation]", *(f"{key} = {as_value(value)}" for key, value in numbers.items())]
+
+
+_POSITIVE = ("blur", "cart_limit", "hoist_limit")

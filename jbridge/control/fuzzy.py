@@ -14,13 +14,17 @@ from ..fuzzy.norms import Softness
 from .base import AbstractController, Differences, Reference
 from .compensation import Compensation
 
+INPUTS = {"cart": ("error", "velocity", "angle"), "hoist": ("error", "velocity")}
+"""What the system of each axis can be asked with."""
+
 
 class FuzzyController(AbstractController):
     """Two fuzzy systems of their own, as in Figure 7 of the paper.
 
-    The cart's system takes the normalised error, the speed [m/s] and the swing angle [degrees]; the hoist's takes the
-    normalised error and the speed. Both give a voltage. Errors are divided by a scale, which the paper does not give.
-    Not the paper's: speeds relative to the reference's, and a compensation of what friction and dead zone take.
+    The cart's system takes the normalised `error`, the speed `velocity` [m/s] and the swing `angle` [degrees]; the
+    hoist's takes the normalised `error` and the speed `velocity`. Each input is found by its name, and may be left out.
+    Both give a voltage. Errors are divided by a scale, which the paper does not give. Not the paper's: speeds relative
+    to the reference's, and a compensation of what friction and dead zone take.
     """
 
     cart: AbstractSystem
@@ -35,6 +39,12 @@ class FuzzyController(AbstractController):
     compensation: Compensation | None = None
     relative_speed: bool = eqx.field(static=True, default=False)
     """Whether the systems are asked with the speed beyond the reference's: a wanted motion is not braked."""
+
+    def __check_init__(self) -> None:
+        for axis, names in INPUTS.items():
+            found = [variable.name for variable in getattr(self, axis).inputs]
+            if not set(found) <= set(names) or len(set(found)) < len(found):
+                raise ValueError(f"the {axis}'s system has the inputs {', '.join(found)}, not {', '.join(names)}")
 
     def ready(self) -> "FuzzyController":
         return dataclasses.replace(self, cart=self.cart.ready(), hoist=self.hoist.ready())
@@ -56,7 +66,7 @@ class FuzzyController(AbstractController):
 
     def inputs(
         self, measured: Axes, reference: Reference, period: float
-    ) -> tuple[Float[Array, "time 3"], Float[Array, "time 2"]]:
+    ) -> tuple[Float[Array, "time cart"], Float[Array, "time hoist"]]:
         """What both systems were asked over a run.
 
         Args:
@@ -75,5 +85,13 @@ class FuzzyController(AbstractController):
     def _inputs(self, measured: Axes, reference: Reference, speed: Axes) -> tuple[Array, Array]:
         if self.relative_speed:
             speed = Axes(speed.x - reference.v_x, speed.psi, speed.l - reference.v_l)
-        cart = jnp.stack([(reference.x - measured.x) / self.cart_scale, speed.x, jnp.degrees(measured.psi)])
-        return cart, jnp.stack([(reference.l - measured.l) / self.hoist_scale, speed.l])
+        cart = {
+            "error": (reference.x - measured.x) / self.cart_scale,
+            "velocity": speed.x,
+            "angle": jnp.degrees(measured.psi),
+        }
+        hoist = {"error": (reference.l - measured.l) / self.hoist_scale, "velocity": speed.l}
+        return (
+            jnp.stack([cart[variable.name] for variable in self.cart.inputs]),
+            jnp.stack([hoist[variable.name] for variable in self.hoist.inputs]),
+        )

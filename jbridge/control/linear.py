@@ -57,6 +57,7 @@ class Pid(AbstractController):
 class StateFeedback(AbstractController):
     """`u = -K (state - reference)`, the state being positions and velocities of cart, swing and rope."""
 
+    tunable: ClassVar[tuple[str, ...]] = ("gains",)
     gains: Float[Array, "2 6"]
     """Of `x, psi, l` and their velocities [V/m, V/rad, V s/m, V s/rad]; one row each for cart and hoist."""
     differences: Differences = Differences()

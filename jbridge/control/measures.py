@@ -1,16 +1,25 @@
-"""How well a move went: settling, overshoot, residual swing, effort."""
+"""How well a move went: settling, overshoot, residual swing, effort, and how restless the voltage was."""
 
 import dataclasses
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
+
+from .base import AbstractController
+from .compensation import LIMITS
 
 NEAR = 0.01
 """Distance within which a position counts as reached [m]."""
 DWELL = 0.5
 """Time for which a position must have stayed within that distance, at the end of what was recorded, to count as
 settled [s]: a load that swings on crosses its goal again and again."""
+IDLE = 0.01
+"""Share of a drive's limit within which a voltage has no sign: it moves nothing."""
+FULL = 0.999
+"""Share of a drive's limit from which a voltage counts as saturated."""
 _REST = 1e-7
 
 
@@ -35,6 +44,18 @@ class Move:
     """Time-weighted absolute error to the reference [m s^2], for `x` and `l`."""
     effort: dict[str, float]
     """Mean square voltage [V^2]."""
+    travel: dict[str, float]
+    """Mean travel of the voltage, `mean |du/dt|` [V/s]."""
+    sign_changes: dict[str, int]
+    """How often the voltage goes from beyond 1 % of the drive's limit to beyond 1 % on the other side."""
+    saturation: dict[str, float]
+    """Share of the time in which the voltage is at the drive's limit [1]."""
+
+
+def limits_of(law: AbstractController) -> Float[Array, " 2"]:
+    """Voltages of cart and hoist beyond which a controller's drives saturate [V]; the paper's if it does not say."""
+    given = getattr(law, "compensation", None)
+    return jnp.asarray(LIMITS) if given is None else jnp.stack([given.cart_limit, given.hoist_limit])
 
 
 def moves(
@@ -42,6 +63,7 @@ def moves(
     reference: NDArray[np.float64],
     position: NDArray[np.float64],
     command: NDArray[np.float64],
+    limits: Sequence[float] = LIMITS,
 ) -> tuple[Move, ...]:
     """Every leg of a reference, measured.
 
@@ -50,9 +72,10 @@ def moves(
         reference: wanted cart position and rope length [m], one row a sample.
         position: `x` [m], `psi` [rad], `l` [m], one row a sample.
         command: voltages [V], one row a sample.
+        limits: voltages beyond which the drives saturate [V]: cart, hoist.
     """
     return tuple(
-        _measure(times[rows], reference[rows], position[rows], command[rows], float(times[stop]))
+        _measure(times[rows], reference[rows], position[rows], command[rows], float(times[stop]), limits)
         for rows, stop in _legs(reference)
     )
 
@@ -72,6 +95,7 @@ def _measure(
     position: NDArray[np.float64],
     command: NDArray[np.float64],
     arrival: float,
+    limits: Sequence[float],
 ) -> Move:
     start, goal = reference[0], reference[-1]
     since = times - times[0]
@@ -99,7 +123,18 @@ def _measure(
             for k, axis in enumerate(place)
         },
         {axis: float(np.mean(command[:, k] ** 2)) for k, axis in enumerate(place)},
+        {
+            axis: float(np.sum(np.abs(np.diff(command[:, k]))) / max(since[-1], since[1]))
+            for k, axis in enumerate(place)
+        },
+        {axis: _sign_changes(command[:, k], IDLE * limits[k]) for k, axis in enumerate(place)},
+        {axis: float(np.mean(np.abs(command[:, k]) >= FULL * limits[k])) for k, axis in enumerate(place)},
     )
+
+
+def _sign_changes(command: NDArray[np.float64], idle: float) -> int:
+    signs = np.sign(command[np.abs(command) > idle])
+    return int(np.sum(signs[1:] != signs[:-1]))
 
 
 def _settled(since: NDArray[np.float64], error: NDArray[np.float64]) -> float | None:

@@ -1,10 +1,60 @@
 """Input shaping: a reference split into impulses that cancel the swing they cause (Singer and Seering 1990)."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
+from .._toml import Where, as_value, number, positive, word
 from ..signals import Path
 
 KINDS = ("zv", "zvd")
+
+
+@dataclass(frozen=True)
+class Shaping:
+    """What a controller does to its reference before it follows it; see `shaped`."""
+
+    kind: str
+    """`zv` or `zvd`."""
+    frequency: float
+    """Of the swing that is cancelled [rad/s]."""
+    damping: float = 0.0
+    """Damping ratio of that swing [1]."""
+
+    def __call__(self, path: Path) -> Path:
+        """The reference as the controller follows it."""
+        return shaped(path, self.frequency, self.damping, self.kind)
+
+
+def read_shaping(file: Where, table: Any) -> Shaping | None:
+    """The table [shaping] of a controller's file, if there is one.
+
+    Raises:
+        InputError: naming the key and what to do.
+    """
+    if table is None:
+        return None
+    if not isinstance(table, Mapping):
+        file.refuse('shaping is not a table; write [shaping] with kind = "zvd" and frequency = 4.4 (rad/s)')
+    where = file.within("[shaping]")
+    where.check_keys(table, ("kind", "frequency", "damping"), "key")
+    if "frequency" not in table:
+        where.refuse("no frequency; add frequency = 4.4, that of the free swing in rad/s, sqrt(9.81 / length)")
+    damping = number(where, table, "damping", 0.0)
+    if not 0.0 <= damping < 1.0:
+        where.refuse(f"damping = {damping:g} is no damping ratio; write it as damping = 0.0 (below 1)")
+    kind = word(where, "kind", table.get("kind"), KINDS)
+    return Shaping(kind, positive(where, table, "frequency", 4.4), damping)
+
+
+def shaping_lines(shaping: Shaping | None) -> list[str]:
+    """The table's lines, from which `read_shaping` reads the same."""
+    if shaping is None:
+        return []
+    keys = ("kind", "frequency", "damping")
+    return ["", "[shaping]", *(f"{key} = {as_value(getattr(shaping, key))}" for key in keys)]
 
 
 def shaped(path: Path, frequency: float, damping: float = 0.0, kind: str = "zvd") -> Path:

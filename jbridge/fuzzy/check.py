@@ -119,10 +119,10 @@ def _largest_gradient(system: AbstractSystem, values: Array) -> AbstractSystem:
 def _corners(system: AbstractSystem, place: int) -> np.ndarray:
     variable = system.inputs[place]
     numbers = [
-        float(getattr(member, field.name))
+        float(number)
         for member in variable.sets
-        for field in dataclasses.fields(member)
-        if field.name not in ("width", "slope")
+        for number, unit in zip(member.parameters(), member.units(), strict=True)
+        if unit.counted and np.isfinite(number)
     ]
     return np.array(numbers or [float(variable.low)])
 

@@ -145,8 +145,8 @@ class Swept(AbstractConclusions):
             total = functools.reduce(self.aggregation.of_numbers, parts)
             return (sums[0] + total, sums[1] + total * lever), None
 
-        # Neither is a set's number that is none.
-        zero = nothing(weights) + 0.0 * jnp.sum(self.numbers)
+        # Neither is a set's number that is none; that of an open shoulder is infinite.
+        zero = nothing(weights) + jnp.sum(jnp.where(jnp.isnan(self.numbers), self.numbers, 0.0))
         begin = zero, zero
         along = (self.degrees, self.slopes, levers)
         (area, moment), _ = jax.lax.scan(jax.checkpoint(add, prevent_cse=False), begin, along)

@@ -1,8 +1,11 @@
 """MATLAB's `.fis` files, read and written.
 
-A file is text: sections in brackets, one `key=value` a line, rules as numbers of sets. Nothing in it is executed.
+A file is text: sections in brackets in any order, one `key=value` a line, rules as numbers of sets. Nothing in it is
+executed. Names stand in single quotes, in which an apostrophe is written twice; a comment begins with `%` or `#`.
+Source: MathWorks, Fuzzy Logic Toolbox User's Guide, `readfis`, `writeFIS` and "Membership Functions".
 """
 
+import codecs
 import dataclasses
 import re
 from collections.abc import Sequence
@@ -11,18 +14,52 @@ from typing import NoReturn
 
 import numpy as np
 
+from .._toml import replace_text
 from ..errors import InputError
 from .defuzzify import DEFUZZIFIERS
 from .inference import POINTS, AbstractSystem, Mamdani
-from .membership import MEMBERSHIPS, AbstractMembership, as_number
+from .membership import MEMBERSHIPS, AbstractMembership, as_number, membership
 from .norms import NORMS, AbstractNorm
-from .rules import Clause, Rule, Variable, check_labels
+from .rules import Clause, Rule, Variable
 from .sugeno import Conclusions, Linear, Sugeno
 
 _SECTION = re.compile(r"\[\s*(\w+)\s*\]")
 _ENTRY = re.compile(r"(\w+)\s*=\s*(.*)")
-_SET = re.compile(r"'([^']*)'\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]")
-_RULE = re.compile(r"([-\d\s.]+),([-\d\s.]+)\(([^)]*)\)\s*:\s*(\d+)")
+_COMMENT = r"\s*(?:[%#].*)?"
+_QUOTED = r"'((?:[^']|'')*)'"
+_NAME = re.compile(_QUOTED + _COMMENT)
+_SET = re.compile(_QUOTED + r"\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]" + _COMMENT)
+# MATLAB itself writes the apostrophes of a name as they are.
+_PLAIN_NAME = re.compile(r"(['\"])(.*)\1")
+_PLAIN_SET = re.compile(r"'(.*?)'\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]" + _COMMENT)
+_RULE = re.compile(r"([-\d\s.]+),([-\d\s.]+)\(([^)]*)\)\s*:\s*([0-9]+)")
+_VARIABLE = re.compile(r"(input|output)([0-9]+)")
+_AND, _OR = ("min", "prod"), ("max", "probor")
+_IMPLICATION, _AGGREGATION = ("min", "prod"), ("max", "sum", "probor")
+
+
+def decoded(raw: bytes) -> str:
+    """The text of a file in UTF-8 or UTF-16, with or without a byte order mark, in GBK, or in Latin-1.
+
+    In GBK the signs beyond ASCII are pairs of bytes beyond it; in Latin-1 they are single ones, mostly inside a word.
+    """
+    for mark, coding in (
+        (codecs.BOM_UTF8, "utf-8"),
+        (codecs.BOM_UTF16_LE, "utf-16-le"),
+        (codecs.BOM_UTF16_BE, "utf-16-be"),
+    ):
+        if raw.startswith(mark):
+            return raw[len(mark) :].decode(coding, errors="replace")
+    if raw[1:2] == b"\0" or raw[:1] == b"\0":
+        return raw.decode("utf-16-le" if raw[1:2] == b"\0" else "utf-16-be", errors="replace")
+    pairs = all(len(run[0]) % 2 == 0 for run in re.finditer(rb"[\x80-\xff]+", raw))
+    pairs = pairs and not re.search(rb"[A-Za-z][\x80-\xff]+[A-Za-z]", raw)
+    for coding in ("utf-8", *(("gbk",) if pairs else ())):
+        try:
+            return raw.decode(coding)
+        except UnicodeDecodeError:
+            continue
+    return raw.decode("latin-1")
 
 
 class _Section(dict[str, tuple[int, str]]):
@@ -35,32 +72,36 @@ class _Reader:
     def __init__(self, path: Path):
         self.path = path
         try:
-            text = path.read_text(encoding="utf-8")
+            text = decoded(path.read_bytes())
         except FileNotFoundError:
             raise InputError(f"{path}: there is no such file") from None
         except OSError as problem:
             raise InputError(f"{path}: cannot be read ({problem.strerror}); name a .fis file") from None
-        except UnicodeDecodeError:
-            raise InputError(f"{path}: this is not a text file; save the fuzzy system as .fis") from None
         self.sections: dict[str, _Section] = {}
         self.rules: list[tuple[int, str]] = []
         current = None
-        for number, line in enumerate(text.splitlines(), start=1):
+        # Only these end a line: a name may contain what Unicode counts as another line's beginning.
+        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
             line = line.strip()
             if not line or line.startswith(("%", "#")):
                 continue
-            section, entry = _SECTION.fullmatch(line), _ENTRY.fullmatch(line)
+            section, entry = _SECTION.fullmatch(_bare(line)), _ENTRY.fullmatch(line)
             if section:
                 current = section[1].lower()
                 self.sections.setdefault(current, _Section())
             elif current == "rules":
-                self.rules.append((number, line))
+                self.rules.append((number, _bare(line)))
             elif current is not None and entry:
                 self.sections[current][entry[1].lower()] = (number, entry[2].strip())
             else:
                 self.complain(number, f"{line!r} is neither a [section] nor key=value")
         if "system" not in self.sections:
             raise InputError(f"{path}: there is no [System] section; this is not a .fis file")
+        self.inputs, self.outputs = self.count("numinputs", "input"), self.count("numoutputs", "output")
+        if "numrules" in self.sections["system"]:
+            line, wanted = self.whole("system", "numrules")
+            if wanted != len(self.rules):
+                self.complain(line, f"NumRules is {wanted}, but [Rules] has {len(self.rules)} rules; correct either")
 
     def complain(self, line: int, problem: str) -> NoReturn:
         raise InputError(f"{self.path}: line {line}: {problem}")
@@ -75,22 +116,33 @@ class _Reader:
 
     def word(self, section: str, key: str, default: str | None = None) -> tuple[int, str]:
         line, text = self.entry(section, key, default)
-        return line, text.strip("'\"")
+        quoted, plain = _NAME.fullmatch(text), _PLAIN_NAME.fullmatch(text)
+        if quoted:
+            return line, quoted[1].replace("''", "'")
+        return line, plain[2] if plain else _bare(text)
 
-    def count(self, key: str) -> int:
-        line, text = self.entry("system", key)
-        if not text.isdigit():
+    def whole(self, section: str, key: str) -> tuple[int, int]:
+        line, text = self.entry(section, key)
+        if not re.fullmatch("[0-9]{1,9}", _bare(text)):
             self.complain(line, f"{key} is {text!r}, which is not a number of things")
-        return int(text)
+        return line, int(_bare(text))
+
+    def count(self, key: str, role: str) -> int:
+        """How many inputs or outputs there are: what [System] says, and as many sections."""
+        line, wanted = self.whole("system", key)
+        numbers = {int(found[2]) for found in map(_VARIABLE.fullmatch, self.sections) if found and found[1] == role}
+        beyond = sorted(number for number in numbers if not 1 <= number <= wanted)
+        if beyond:
+            self.complain(
+                line, f"{key} is {wanted}, but there is a section [{role.capitalize()}{beyond[0]}]; correct either"
+            )
+        return wanted
 
     def numbers(self, line: int, text: str) -> list[float]:
         try:
-            values = [float(word) for word in text.replace(",", " ").split()]
+            return [float(word) for word in _bare(text).strip("[]").replace(",", " ").split()]
         except ValueError:
             self.complain(line, f"[{text}] is not a list of numbers")
-        if any(np.isnan(values)):
-            self.complain(line, "NaN is no place for a corner")
-        return values
 
     def choice(self, key: str, default: str, known: Sequence[str]) -> str:
         line, word = self.word("system", key, default)
@@ -105,26 +157,29 @@ class _Reader:
         """Name, range, and each set's line, label, kind and numbers."""
         _, name = self.word(section, "name")
         line, text = self.entry(section, "range")
-        ends = self.numbers(line, text.strip("[]"))
-        if len(ends) != 2 or not ends[0] < ends[1] or not np.isfinite(ends).all():
+        ends = self.numbers(line, text)
+        if len(ends) != 2 or not ends[0] <= ends[1] or not np.isfinite(ends).all():
             self.complain(line, f"a range has a lower and a higher end, not {text}")
-        line, text = self.entry(section, "nummfs")
-        if not text.isdigit():
-            self.complain(line, f"NumMFs is {text!r}, which is not a number of things")
+        line, wanted = self.whole(section, "nummfs")
+        if f"mf{wanted + 1}" in self.sections[section]:
+            self.complain(line, f"NumMFs is {wanted}, but there is an MF{wanted + 1}; correct either")
         members = []
-        for number in range(1, int(text) + 1):
+        for number in range(1, wanted + 1):
             line, text = self.entry(section, f"mf{number}")
-            found = _SET.fullmatch(text)
+            quoted, plain = _SET.fullmatch(text), _PLAIN_SET.fullmatch(text)
+            found = quoted or plain
             if not found:
                 self.complain(line, f"{text!r} is not of the form 'label':'kind',[numbers]")
-            members.append((line, found[1], found[2], self.numbers(line, found[3])))
+            label = found[1].replace("''", "'") if quoted else found[1]
+            members.append((line, label, found[2].strip(), self.numbers(line, found[3])))
         return name, ends[0], ends[1], members
 
     def sets(self, section: str) -> Variable:
         name, low, high, members = self.variable(section)
+        if low == high:
+            self.complain(self.entry(section, "range")[0], f"both ends of the range are {low:g}; widen it")
         made = tuple(self._membership(*member) for member in members)
-        labels = self._labels(section, name, [label for _, label, _, _ in members])
-        return Variable(name, as_number(low), as_number(high), labels, made)
+        return Variable(name, as_number(low), as_number(high), tuple(label for _, label, _, _ in members), made)
 
     def functions(self, section: str, inputs: int) -> Conclusions:
         name, low, high, members = self.variable(section)
@@ -133,33 +188,21 @@ class _Reader:
             wanted = {"constant": 1, "linear": inputs + 1}.get(kind)
             if wanted is None:
                 self.complain(line, f"a Sugeno conclusion is constant or linear, not {kind!r}")
-            if len(numbers) != wanted:
-                self.complain(line, f"{kind} needs {wanted} numbers, not {len(numbers)}")
+            numbers = _unpadded(numbers, wanted)
+            if len(numbers) != wanted or not np.isfinite(numbers).all():
+                self.complain(line, f"{kind} needs {wanted} finite numbers, not {len(numbers)}: {numbers}")
             made.append(Linear(as_number(numbers[:-1] or [0.0] * inputs), as_number(numbers[-1])))
-        labels = self._labels(section, name, [label for _, label, _, _ in members])
+        labels = tuple(label for _, label, _, _ in members)
         return Conclusions(name, as_number(low), as_number(high), labels, tuple(made))
 
-    def _labels(self, section: str, name: str, labels: list[str]) -> tuple[str, ...]:
-        try:
-            check_labels(name, labels, labels)
-        except ValueError as problem:
-            self.complain(self.entry(section, "name")[0], str(problem))
-        return tuple(labels)
-
     def _membership(self, line: int, label: str, kind: str, numbers: list[float]) -> AbstractMembership:
-        cls = MEMBERSHIPS.get(kind.lower())
-        if cls is None:
+        if kind.lower() not in MEMBERSHIPS:
             self.complain(line, f"{label!r} is a {kind!r}; jbridge knows {', '.join(MEMBERSHIPS)}")
-        wanted = len(dataclasses.fields(cls))
-        if len(numbers) != wanted:
-            self.complain(line, f"{kind} needs {wanted} numbers, not {len(numbers)}")
-        corners = kind.lower() in ("trimf", "trapmf")
-        if corners and any(b < a for a, b in zip(numbers, numbers[1:], strict=False)):
-            self.complain(line, f"the corners of {label!r} are not in ascending order")
-        if not corners and not np.isfinite(numbers).all():
-            self.complain(line, f"{label!r} has an infinite parameter")
-        # An open shoulder: a flank so far away that it never shows.
-        return cls(*np.clip(numbers, -1e12, 1e12))
+        wanted = len(dataclasses.fields(MEMBERSHIPS[kind.lower()]))
+        try:
+            return membership(kind.lower(), _unpadded(numbers, wanted))
+        except ValueError as problem:
+            self.complain(line, f"{label!r} {problem}")
 
     def rule(self, line: int, text: str, inputs: Sequence[Variable], outputs: Sequence[Variable | Conclusions]) -> Rule:
         found = _RULE.fullmatch(text)
@@ -176,7 +219,10 @@ class _Reader:
         )
         if not before or not after:
             self.complain(line, "the rule names no input or no output")
-        return Rule(before, after, as_number(weight[0]), found[4] == "2")
+        for clause in after:
+            if clause.negated and isinstance(outputs[clause.variable], Conclusions):
+                self.complain(line, "a Sugeno rule concludes in a function, which cannot be negated; drop the minus")
+        return Rule(before, after, as_number(weight[0]), found[4] == "2" and len(before) > 1)
 
     def _clauses(
         self, line: int, numbers: Sequence[float], variables: Sequence[Variable | Conclusions]
@@ -192,26 +238,40 @@ class _Reader:
         return tuple(clauses)
 
 
-def load_fis(path: str | Path) -> AbstractSystem:
+def _bare(text: str) -> str:
+    """A text without the comment that follows it."""
+    return re.split("[%#]", text, maxsplit=1)[0].strip()
+
+
+def _unpadded(numbers: list[float], wanted: int) -> list[float]:
+    """As many numbers as are wanted, if what follows them are the zeros with which files fill up a row."""
+    return numbers[:wanted] if not any(numbers[wanted:]) else numbers
+
+
+def load_fis(path: str | Path, *, matlab: bool = False) -> AbstractSystem:
     """Reads a fuzzy system of type Mamdani or Sugeno.
+
+    Args:
+        path: of the file.
+        matlab: whether it infers as MATLAB does where that differs; see `Mamdani.matlab`.
 
     Raises:
         InputError: the file is missing or damaged, or uses what jbridge does not know; names file and line.
     """
     reader = _Reader(Path(path))
     kind = reader.choice("type", "mamdani", ("mamdani", "sugeno"))
-    many = reader.count("numinputs")
+    many = reader.inputs
     inputs = tuple(reader.sets(f"input{i + 1}") for i in range(many))
-    conjunction = reader.norm("andmethod", "min", ("min", "prod"))
-    disjunction = reader.norm("ormethod", "max", ("max", "probor"))
-    names = [f"output{i + 1}" for i in range(reader.count("numoutputs"))]
+    conjunction = reader.norm("andmethod", "min", _AND)
+    disjunction = reader.norm("ormethod", "max", _OR)
+    names = [f"output{i + 1}" for i in range(reader.outputs)]
     if not inputs or not names:
         raise InputError(f"{path}: a fuzzy system needs an input and an output")
     if kind == "sugeno":
         summed = reader.choice("defuzzmethod", "wtaver", ("wtaver", "wtsum")) == "wtsum"
         functions = tuple(reader.functions(name, many) for name in names)
         rules = tuple(reader.rule(line, text, inputs, functions) for line, text in reader.rules)
-        return Sugeno(inputs, functions, _some(path, rules), conjunction, disjunction, summed)
+        return Sugeno(inputs, functions, _some(path, rules), conjunction, disjunction, summed, matlab)
     outputs = tuple(reader.sets(name) for name in names)
     rules = tuple(reader.rule(line, text, inputs, outputs) for line, text in reader.rules)
     return Mamdani(
@@ -220,10 +280,11 @@ def load_fis(path: str | Path) -> AbstractSystem:
         _some(path, rules),
         conjunction,
         disjunction,
-        reader.norm("impmethod", "min", ("min", "prod")),
-        reader.norm("aggmethod", "max", ("max", "sum", "probor")),
+        reader.norm("impmethod", "min", _IMPLICATION),
+        reader.norm("aggmethod", "max", _AGGREGATION),
         DEFUZZIFIERS[reader.choice("defuzzmethod", "centroid", tuple(DEFUZZIFIERS))](),
         POINTS,
+        matlab,
     )
 
 
@@ -234,24 +295,39 @@ def _some(path: str | Path, rules: tuple[Rule, ...]) -> tuple[Rule, ...]:
 
 
 def save_fis(path: str | Path, system: AbstractSystem, name: str = "") -> None:
-    """Writes a fuzzy system; reading the file gives the same system, with MATLAB's number of points (101).
+    """Writes a fuzzy system; reading the file, with the same `matlab`, gives the same system.
 
-    A rule with several clauses about one variable is not MATLAB's; the last of them is written.
+    The clauses of a rule are then in the order of the variables.
+
+    Raises:
+        InputError: the file cannot be written, or the system has what a `.fis` file cannot hold: several clauses about
+            one variable in a rule, other norms or weights than MATLAB's, a grid of other than 101 points, a name of two
+            lines, a number that is NaN.
+        TypeError: the system is neither a Mamdani nor a Sugeno system.
     """
     path = Path(path)
     outputs: list[tuple[Variable | Conclusions, list[str]]]
     if isinstance(system, Sugeno):
         kind, methods = "sugeno", ("prod", "sum", "wtsum" if system.summed else "wtaver")
-        outputs = [(output, [_function(function) for function in output.functions]) for output in system.outputs]
+        outputs = [
+            (output, [_function(path, *pair) for pair in zip(output.labels, output.functions, strict=True)])
+            for output in system.outputs
+        ]
     elif isinstance(system, Mamdani):
         kind = "mamdani"
         methods = (system.implication.name, system.aggregation.name, system.defuzzifier.name)
-        outputs = [(output, [_set(member) for member in output.sets]) for output in system.outputs]
+        outputs = [(output, _sets(path, output)) for output in system.outputs]
+        if methods[0] not in _IMPLICATION or methods[1] not in _AGGREGATION:
+            raise InputError(f"{path}: a .fis file has no {' or '.join(methods[:2])}; choose other norms")
+        if system.points != POINTS:
+            raise InputError(f"{path}: a .fis file has {POINTS} points, not {system.points}; write it as TOML")
     else:
         raise TypeError(f"a .fis file holds a Mamdani or a Sugeno system, not a {type(system).__name__}")
+    if system.conjunction.name not in _AND or system.disjunction.name not in _OR:
+        raise InputError(f"{path}: a .fis file has `and` as {' or '.join(_AND)}, `or` as {' or '.join(_OR)}")
     lines = [
         "[System]",
-        f"Name='{name or path.stem}'",
+        f"Name={_quoted(name or path.stem)}",
         f"Type='{kind}'",
         "Version=2.0",
         f"NumInputs={len(system.inputs)}",
@@ -264,31 +340,57 @@ def save_fis(path: str | Path, system: AbstractSystem, name: str = "") -> None:
         f"DefuzzMethod='{methods[2]}'",
     ]
     for number, variable in enumerate(system.inputs, start=1):
-        lines += _section(f"Input{number}", variable, [_set(member) for member in variable.sets])
+        lines += _section(path, f"Input{number}", variable, _sets(path, variable))
     for number, (output, members) in enumerate(outputs, start=1):
-        lines += _section(f"Output{number}", output, members)
+        lines += _section(path, f"Output{number}", output, members)
     lines += ["", "[Rules]"]
-    for rule in system.rules:
-        before = _numbers(rule.antecedent, len(system.inputs))
-        after = _numbers(rule.consequent, len(system.outputs))
-        lines.append(f"{before}, {after} ({float(rule.weight)!r}) : {2 if rule.any_of else 1}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for number, rule in enumerate(system.rules, start=1):
+        sides = (rule.antecedent, len(system.inputs)), (rule.consequent, len(system.outputs))
+        if any(len({clause.variable for clause in clauses}) < len(clauses) for clauses, _ in sides):
+            raise InputError(f"{path}: rule {number} has two clauses about one variable; write the system as TOML")
+        if not 0.0 <= float(rule.weight) <= 1.0:
+            raise InputError(f"{path}: rule {number} has the weight {float(rule.weight):g}; 0 to 1 can be written")
+        before, after = (_numbers(clauses, count) for clauses, count in sides)
+        lines.append(
+            f"{before}, {after} ({float(rule.weight)!r}) : {2 if rule.any_of and len(rule.antecedent) > 1 else 1}"
+        )
+    for line in lines:
+        if "\n" in line or "\r" in line:
+            raise InputError(f"{path}: {line!r} has a name of two lines, which a .fis file cannot hold; rename it")
+    replace_text(path, "\n".join(lines) + "\n")
 
 
-def _section(title: str, variable: Variable | Conclusions, members: Sequence[str]) -> list[str]:
-    head = ["", f"[{title}]", f"Name='{variable.name}'"]
-    head += [f"Range=[{float(variable.low)!r} {float(variable.high)!r}]", f"NumMFs={len(members)}"]
+def _quoted(name: str) -> str:
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _section(path: Path, title: str, variable: Variable | Conclusions, members: Sequence[str]) -> list[str]:
+    low, high = float(variable.low), float(variable.high)
+    if not -np.inf < low <= high < np.inf or (low == high and isinstance(variable, Variable)):
+        raise InputError(f"{path}: {variable.name!r} reaches from {low:g} to {high:g}, which is no range; correct it")
+    head = ["", f"[{title}]", f"Name={_quoted(variable.name)}"]
+    head += [f"Range=[{low!r} {high!r}]", f"NumMFs={len(members)}"]
     pairs = zip(variable.labels, members, strict=True)
-    return head + [f"MF{number}='{label}':{text}" for number, (label, text) in enumerate(pairs, start=1)]
+    return head + [f"MF{number}={_quoted(label)}:{text}" for number, (label, text) in enumerate(pairs, start=1)]
 
 
-def _set(member: AbstractMembership) -> str:
-    numbers = " ".join(repr(float(getattr(member, field.name))) for field in dataclasses.fields(member))
-    return f"'{member.kind}',[{numbers}]"
+def _set(path: Path, label: str, member: AbstractMembership) -> str:
+    numbers = [float(number) for number in member.parameters()]
+    try:
+        membership(member.kind, numbers)
+    except ValueError as problem:
+        raise InputError(f"{path}: {label!r} {problem}") from None
+    return f"'{member.kind}',[{' '.join(map(repr, numbers)).replace('inf', 'Inf')}]"
 
 
-def _function(function: Linear) -> str:
+def _sets(path: Path, variable: Variable) -> list[str]:
+    return [_set(path, *pair) for pair in zip(variable.labels, variable.sets, strict=True)]
+
+
+def _function(path: Path, label: str, function: Linear) -> str:
     slopes, offset = np.asarray(function.slopes), float(function.offset)
+    if not np.isfinite([*slopes, offset]).all():
+        raise InputError(f"{path}: {label!r} has a number that is not finite; correct it before it is written")
     if not slopes.any():
         return f"'constant',[{offset!r}]"
     return f"'linear',[{' '.join(repr(float(value)) for value in (*slopes, offset))}]"

@@ -39,6 +39,11 @@ class Inference(NamedTuple):
     """Firing strength of every rule, 0 to 1."""
 
 
+def clipped_inputs(inputs: Sequence[Variable], values: Float[Array, " input"], matlab: bool) -> Float[Array, " input"]:
+    """The values at which sets are evaluated: kept within their universes, unless as in MATLAB."""
+    return values if matlab else jnp.stack([variable.clip(values[i]) for i, variable in enumerate(inputs)])
+
+
 class AbstractSystem(eqx.Module):
     """A fuzzy system: inputs, outputs, rules."""
 
@@ -51,7 +56,7 @@ class AbstractSystem(eqx.Module):
         """Concludes from one value per input.
 
         Args:
-            values: in the inputs' units; what lies outside a universe counts as its end.
+            values: in the inputs' units; what lies outside a universe counts as its end, unless `matlab`.
             softness: how close degrees must be for a choice between them to be blurred, at most 1; None for the
                 textbook's inference.
         """
@@ -74,6 +79,20 @@ def strengths(
     return [rule.strength(degrees, conjunction, disjunction, softness) for rule in rules]
 
 
+def joined(outputs: Sequence[Array]) -> Float[Array, " output"]:
+    """Outputs as one array, written one after the other.
+
+    XLA's CPU back end puts the whole program of every part of a concatenation into one kernel, which takes minutes to
+    compile from three outputs on.
+    """
+    if len(outputs) == 1:
+        return jnp.stack(outputs)
+    found = jnp.zeros(len(outputs), jnp.result_type(*outputs))
+    for place, value in enumerate(outputs):
+        found = found.at[place].set(value)
+    return found
+
+
 class Mamdani(AbstractSystem):
     """Rules that conclude in fuzzy sets (Mamdani and Assilian 1975)."""
 
@@ -87,6 +106,10 @@ class Mamdani(AbstractSystem):
     defuzzifier: AbstractDefuzzifier = Centroid()
     points: int = eqx.field(static=True, default=POINTS)
     """Number of points of the grid, both ends of the universe included."""
+    matlab: bool = eqx.field(static=True, default=False)
+    """Whether it infers as MATLAB's `evalfis` where that differs: an input beyond its universe has the degrees of its
+    own place, rather than those of the nearer end; a bisector is a point of the grid; the smallest and the largest of
+    maximum are chosen by size, without regard to sign."""
 
     def ready(self) -> "Prepared":
         return self._prepared(traced=True)
@@ -95,7 +118,7 @@ class Mamdani(AbstractSystem):
         return self._prepared(traced=not known(values)).infer(values, softness=softness)
 
     def _prepared(self, *, traced: bool) -> "Prepared":
-        said = tuple(self._said(number) for number in range(len(self.outputs)))
+        said = tuple(self.conclusions_about(number) for number in range(len(self.outputs)))
         conclusions = tuple(
             self._conclusions(variable, [clause for clause, _ in found], traced) if found else None
             for variable, found in zip(self.outputs, said, strict=True)
@@ -103,9 +126,9 @@ class Mamdani(AbstractSystem):
         rules = tuple(tuple(places for _, places in found) for found in said)
         norms = self.conjunction, self.disjunction, self.aggregation
         inputs = tuple(variable.ready() for variable in self.inputs) if traced else self.inputs
-        return Prepared(inputs, self.outputs, self.rules, *norms, rules, conclusions)
+        return Prepared(inputs, self.outputs, self.rules, *norms, rules, conclusions, self.matlab)
 
-    def _said(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
+    def conclusions_about(self, output: int) -> list[tuple[Clause, tuple[int, ...]]]:
         """What is concluded about one output, and by which rules.
 
         Where sets are put together by their maximum, rules with the same conclusion count as the strongest of them,
@@ -154,7 +177,8 @@ class Mamdani(AbstractSystem):
             sets = [(variable.sets[clause.label], clause.negated) for clause in clauses]
             return Swept.of(sets, variable.low, variable.high, self.points, self.implication, self.aggregation)
         shapes, grid = tuple(jnp.asarray(shape) for shape in shapes), jnp.asarray(grid)
-        return Gridded(shapes, grid, self.implication, self.aggregation, self.defuzzifier)
+        chosen = self.defuzzifier.as_matlab() if self.matlab else self.defuzzifier
+        return Gridded(shapes, grid, self.implication, self.aggregation, chosen)
 
 
 class Prepared(AbstractSystem):
@@ -170,9 +194,11 @@ class Prepared(AbstractSystem):
     """Of every output and conclusion, the rules that conclude it."""
     conclusions: tuple[AbstractConclusions | None, ...]
     """Of every output; None where no rule speaks about it."""
+    matlab: bool = eqx.field(static=True)
 
     def infer(self, values: Float[Array, " input"], *, softness: Softness = None) -> Inference:
-        strength = strengths(self.inputs, self.rules, values, self.conjunction, self.disjunction, softness)
+        inside = clipped_inputs(self.inputs, values, self.matlab)
+        strength = strengths(self.inputs, self.rules, inside, self.conjunction, self.disjunction, softness)
         outputs, fired = [], []
         for variable, concluding, conclusions in zip(self.outputs, self.concluding, self.conclusions, strict=True):
             if conclusions is None:
@@ -182,7 +208,7 @@ class Prepared(AbstractSystem):
             weights = [self.aggregation.all([strength[i] for i in rules], softness) for rules in concluding]
             outputs.append(conclusions.value(weights, softness))
             fired.append(jnp.stack(weights).max() > 0.0)
-        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
+        return Inference(joined(outputs), jnp.stack(fired), jnp.stack(strength))
 
 
 def _shapes(variable: Variable, clauses: Sequence[Clause], points: int) -> tuple[list[Array], Array]:

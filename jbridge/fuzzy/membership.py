@@ -1,11 +1,14 @@
 """Fuzzy sets: the degree to which a value belongs, between 0 and 1.
 
 A set's parameters are what one would draw: corners of a trapezoid, centre and width of a bell. Corners are in
-ascending order; equal corners make a vertical flank, which has the value of its upper end.
+ascending order; equal corners make a vertical flank, which has the value of its upper end, and an infinite outer corner
+makes an open shoulder. Kinds, names and formulas are those of MATLAB's Fuzzy Logic Toolbox.
 """
 
 import abc
 import dataclasses
+import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,8 +21,13 @@ from .._math import decay
 from .._types import Scalar
 from .norms import Softness, between, lesser, weighed
 
-_NARROW = 1e-9
-"""Width below which a flank counts as vertical, and a bell has this width."""
+_ROUNDING = 4.0
+"""Corners that are nearer to each other than so many units in the last place make a vertical flank."""
+
+
+def _least(value: Array) -> float:
+    """Least width that is divided by: small against every universe, and its square against no number."""
+    return 1e-100 if value.dtype == jnp.float64 else 1e-12
 
 
 def as_number(value: Any) -> Array:
@@ -107,16 +115,25 @@ def _ramps(value: Array, left: Array, top_left: Array, top_right: Array, right: 
 def _slopes(
     value: Array, left: Array, top_left: Array, top_right: Array, right: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Slopes of the flanks (0 for vertical ones), and the heights of their straight lines at a value."""
+    """Slopes of the flanks (0 for vertical and open ones), and the heights of their straight lines at a value."""
+    (sloped_rise, rise), (sloped_fall, fall) = _slope(left, top_left), _slope(top_right, right)
+    up = jnp.where(sloped_rise, (value - left) * rise, jnp.where(value >= top_left, 1.0, 0.0))
+    down = jnp.where(sloped_fall, (right - value) * fall, jnp.where(value <= top_right, 1.0, 0.0))
+    return rise, fall, jnp.where(left == -jnp.inf, 1.0, up), jnp.where(right == jnp.inf, 1.0, down)
 
-    def per(width: Array) -> tuple[Array, Array]:
-        steep = width <= _NARROW
-        return steep, jnp.where(steep, 0.0, 1.0 / jnp.where(steep, 1.0, width))
 
-    (steep_rise, rise), (steep_fall, fall) = per(top_left - left), per(right - top_right)
-    up = jnp.where(steep_rise, jnp.where(value >= top_left, 1.0, 0.0), (value - left) * rise)
-    down = jnp.where(steep_fall, jnp.where(value <= top_right, 1.0, 0.0), (right - value) * fall)
-    return rise, fall, up, down
+def _slope(begin: Array, end: Array) -> tuple[Array, Array]:
+    """Whether a flank between two corners is neither vertical nor endless, and its slope, 0 otherwise."""
+    size = jnp.maximum(jnp.abs(begin), jnp.abs(end))
+    width = jnp.where(size == jnp.inf, 0.0, end - begin)
+    # A corner that is no number makes a slope that is none.
+    sloped = ~(width <= _ROUNDING * jnp.finfo(width.dtype).eps * jnp.where(size == jnp.inf, 0.0, size) + _least(width))
+    return sloped, jnp.where(sloped, 1.0 / jnp.where(sloped, width, 1.0), 0.0)
+
+
+def flank_slope(begin: Array, end: Array) -> Array:
+    """Slope of a straight flank between two corners, 0 if it is vertical or endless."""
+    return _slope(begin, end)[1]
 
 
 def _height(up: Array, down: Array, softness: Array | None) -> tuple[Array, Array, Array, Array | None]:
@@ -176,6 +193,89 @@ class Trapezoidal(AbstractMembership):
         return self
 
 
+class LinearS(AbstractMembership):
+    """0 up to `foot`, rises to `shoulder`, and is 1 beyond it."""
+
+    kind: ClassVar[str] = "linsmf"
+    foot: Scalar = _parameter()
+    shoulder: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        return self.general().degree(value, softness)
+
+    def general(self) -> "Trapezoidal":
+        open_ = jnp.full_like(self.shoulder, jnp.inf)
+        return Trapezoidal(self.foot, self.shoulder, open_, open_)
+
+
+class LinearZ(AbstractMembership):
+    """1 up to `shoulder`, falls to `foot`, and is 0 beyond it."""
+
+    kind: ClassVar[str] = "linzmf"
+    shoulder: Scalar = _parameter()
+    foot: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        return self.general().degree(value, softness)
+
+    def general(self) -> "Trapezoidal":
+        open_ = jnp.full_like(self.shoulder, -jnp.inf)
+        return Trapezoidal(open_, open_, self.shoulder, self.foot)
+
+
+def _spline(value: Array, begin: Array, end: Array) -> Array:
+    """0 up to one place, 1 from another on, two parabolas between; a step in the middle if the places are exchanged."""
+    sloped, slope = _slope(begin, end)
+    share = between((value - begin) * slope, 0.0, 1.0)
+    curve = jnp.where(share < 0.5, 2.0 * share * share, 1.0 - 2.0 * (1.0 - share) * (1.0 - share))
+    return jnp.where(sloped, curve, jnp.where(value >= 0.5 * (begin + end), 1.0, 0.0))
+
+
+class SShaped(AbstractMembership):
+    """0 up to `foot`, 1 from `shoulder` on, and two parabolas between that meet in the middle at 1/2."""
+
+    kind: ClassVar[str] = "smf"
+    foot: Scalar = _parameter()
+    shoulder: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        return _spline(value, self.foot, self.shoulder)
+
+    def general(self) -> "SShaped":
+        return self
+
+
+class ZShaped(AbstractMembership):
+    """1 up to `shoulder`, 0 from `foot` on, and two parabolas between that meet in the middle at 1/2."""
+
+    kind: ClassVar[str] = "zmf"
+    shoulder: Scalar = _parameter()
+    foot: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        return _spline(-value, -self.foot, -self.shoulder)
+
+    def general(self) -> "ZShaped":
+        return self
+
+
+class PiShaped(AbstractMembership):
+    """The product of an S from `left` to `top_left` and a Z from `top_right` to `right`."""
+
+    kind: ClassVar[str] = "pimf"
+    left: Scalar = _parameter()
+    top_left: Scalar = _parameter()
+    top_right: Scalar = _parameter()
+    right: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        rise = SShaped(self.left, self.top_left).degree(value)
+        return rise * ZShaped(self.top_right, self.right).degree(value)
+
+    def general(self) -> "PiShaped":
+        return self
+
+
 class Gaussian(AbstractMembership):
     """`exp(-(value - centre)^2 / (2 width^2))`."""
 
@@ -184,12 +284,30 @@ class Gaussian(AbstractMembership):
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        away = (value - self.centre) / jnp.maximum(jnp.abs(self.width), _NARROW)
+        away = (value - self.centre) / jnp.maximum(jnp.abs(self.width), _least(self.width))
         # Beyond 38 widths the degree is 0 in double precision; the square must stay finite for the gradient.
         away = between(away, -40.0, 40.0)
         return decay(0.5 * away * away)
 
     def general(self) -> "Gaussian":
+        return self
+
+
+class TwoSidedGaussian(AbstractMembership):
+    """The product of a Gaussian flank left of `left_centre` and another one right of `right_centre`."""
+
+    kind: ClassVar[str] = "gauss2mf"
+    left_width: Scalar = _parameter(_WIDTH)
+    left_centre: Scalar = _parameter()
+    right_width: Scalar = _parameter(_WIDTH)
+    right_centre: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        left = Gaussian(self.left_width, self.left_centre).degree(lesser(value, self.left_centre))
+        right = Gaussian(self.right_width, -self.right_centre).degree(lesser(-value, -self.right_centre))
+        return left * right
+
+    def general(self) -> "TwoSidedGaussian":
         return self
 
 
@@ -202,7 +320,7 @@ class Bell(AbstractMembership):
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        away = jnp.abs(value - self.centre) / jnp.maximum(jnp.abs(self.width), _NARROW)
+        away = jnp.abs(value - self.centre) / jnp.maximum(jnp.abs(self.width), _least(self.width))
         # At the centre the logarithm has no value, and a flat bell no gradient.
         # Beyond e^60 the degree is 0 in double precision; its square must stay finite for the gradient.
         return 1.0 / (1.0 + jnp.exp(jnp.clip(2.0 * self.slope * jnp.log(jnp.clip(away, 1e-9, 1e9)), -60.0, 60.0)))
@@ -222,6 +340,40 @@ class Sigmoidal(AbstractMembership):
         return 1.0 / (1.0 + jnp.exp(-jnp.clip(self.slope * (value - self.centre), -60.0, 60.0)))
 
     def general(self) -> "Sigmoidal":
+        return self
+
+
+class SigmoidalDifference(AbstractMembership):
+    """The distance between two sigmoids, `|sigmoid 1 - sigmoid 2|`."""
+
+    kind: ClassVar[str] = "dsigmf"
+    first_slope: Scalar = _parameter(_RATE)
+    first_centre: Scalar = _parameter()
+    second_slope: Scalar = _parameter(_RATE)
+    second_centre: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        first = Sigmoidal(self.first_slope, self.first_centre).degree(value)
+        return jnp.abs(first - Sigmoidal(self.second_slope, self.second_centre).degree(value))
+
+    def general(self) -> "SigmoidalDifference":
+        return self
+
+
+class SigmoidalProduct(AbstractMembership):
+    """The product of two sigmoids."""
+
+    kind: ClassVar[str] = "psigmf"
+    first_slope: Scalar = _parameter(_RATE)
+    first_centre: Scalar = _parameter()
+    second_slope: Scalar = _parameter(_RATE)
+    second_centre: Scalar = _parameter()
+
+    def degree(self, value: Array, softness: Softness = None) -> Array:
+        first = Sigmoidal(self.first_slope, self.first_centre).degree(value)
+        return first * Sigmoidal(self.second_slope, self.second_centre).degree(value)
+
+    def general(self) -> "SigmoidalProduct":
         return self
 
 
@@ -257,5 +409,33 @@ class Gathered(eqx.Module):
 
 
 MEMBERSHIPS: dict[str, type[AbstractMembership]] = {
-    cls.kind: cls for cls in (Triangular, Trapezoidal, Gaussian, Bell, Sigmoidal)
-}
+    cls.kind: cls
+    for cls in (
+        Triangular, Trapezoidal, Gaussian, Bell, Sigmoidal, LinearS, LinearZ, SShaped, ZShaped, PiShaped,
+        TwoSidedGaussian, SigmoidalDifference, SigmoidalProduct,
+    )
+}  # fmt: skip
+
+
+def membership(kind: str, numbers: Sequence[float]) -> AbstractMembership:
+    """A set from a kind of `MEMBERSHIPS` and its numbers, in the order of the kind's fields.
+
+    Raises:
+        ValueError: there are too few or too many numbers, one is NaN, corners do not ascend, or a number other than a
+            corner of straight flanks is infinite. The text continues a sentence that begins with the set's name.
+    """
+    cls = MEMBERSHIPS[kind]
+    wanted = [field.name for field in dataclasses.fields(cls)]
+    if len(numbers) != len(wanted):
+        raise ValueError(f"has {len(numbers)} numbers; it needs {', '.join(wanted)}")
+    if any(math.isnan(number) for number in numbers):
+        raise ValueError("has a number that is NaN; correct it")
+    if cls in _STRAIGHT:
+        if any(b < a for a, b in itertools.pairwise(numbers)):
+            raise ValueError("has corners that do not ascend; sort them")
+    elif not all(math.isfinite(number) for number in numbers):
+        raise ValueError("has an infinite number; only corners of straight flanks may be infinite")
+    return cls(*map(as_number, numbers))
+
+
+_STRAIGHT = (Triangular, Trapezoidal, LinearS, LinearZ)

@@ -1,6 +1,7 @@
 """Variables with their fuzzy sets, and the rules that connect them."""
 
 import dataclasses
+import re
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
@@ -16,11 +17,9 @@ from .norms import AbstractNorm, Softness, between
 
 
 def check_labels(name: str, labels: Sequence[str], things: Sequence[object]) -> None:
-    """Raises `ValueError` unless every thing of a variable has a label of its own."""
+    """Raises `ValueError` unless every thing of a variable has a label; several may share one, as in `.fis` files."""
     if len(labels) != len(things):
         raise ValueError(f"{name}: {len(labels)} labels for {len(things)} sets")
-    if len({label.lower() for label in labels}) != len(labels):
-        raise ValueError(f"{name}: two sets of the same name among {', '.join(labels)}")
 
 
 @runtime_checkable
@@ -67,11 +66,10 @@ class Variable(eqx.Module):
         return universe(self.low, self.high, points)
 
     def degrees(self, value: Array, softness: Softness = None) -> list[Array]:
-        """Degree of membership of a value in each set."""
-        inside = self.clip(value)
+        """Degree of membership of a value in each set, also beyond the universe."""
         if self.gathered is not None:
-            return self.gathered.degrees(inside, softness)
-        return [member.degree(inside, softness) for member in self.sets]
+            return self.gathered.degrees(value, softness)
+        return [member.degree(value, softness) for member in self.sets]
 
     def ready(self) -> "Variable":
         """The same variable for use in a loop."""
@@ -95,7 +93,7 @@ class Rule(eqx.Module):
     consequent: tuple[Clause, ...]
     weight: Scalar = eqx.field(converter=as_number, default=1.0)
     any_of: bool = eqx.field(static=True, default=False)
-    """Whether one clause is enough ("or")."""
+    """Whether one clause is enough ("or"), if there are several."""
 
     def __check_init__(self) -> None:
         if not self.antecedent or not self.consequent:
@@ -116,15 +114,21 @@ class Rule(eqx.Module):
         return self.weight * (disjunction if self.any_of else conjunction).all(parts, softness)
 
 
+_PLAIN = re.compile(r"[^\s'()]*[^\s'().]")
+_WORD = re.compile(r"'(?:[^']|'')*'|[^\s()]+")
+_KEYWORDS = ("if", "is", "not", "and", "or", "then")
+
+
 def rule(text: str, inputs: Sequence[Labelled], outputs: Sequence[Labelled], *, weight: float = 1.0) -> Rule:
     """A rule from words, such as `if error is NS and velocity is not PB then voltage is NS`.
 
-    Names of variables and sets are compared without regard to case.
+    Names of variables and sets are compared as they are and, where that finds none, without regard to case. A name that
+    is not a plain word, such as one with a space, stands in single quotes, in which an apostrophe is written twice.
 
     Raises:
-        ValueError: the words are not a rule, or name a variable or set that is not there.
+        ValueError: the words are not a rule, or name a variable or set that is not there, or several.
     """
-    words = text.replace("(", " ").replace(")", " ").rstrip(". \n").split()
+    words = _WORD.findall(text.rstrip(". \n"))
     lower = [word.lower() for word in words]
     if not words or lower[0] != "if" or lower.count("then") != 1:
         raise ValueError(f"{text!r} is not of the form `if ... is ... then ... is ...`")
@@ -162,10 +166,21 @@ def _clauses(text: str, words: Sequence[str], variables: Sequence[Labelled]) -> 
 
 
 def _place(text: str, word: str, names: Sequence[str]) -> int:
-    for number, name in enumerate(names):
-        if name.lower() == word.lower():
-            return number
-    raise ValueError(f"{text!r}: {word!r} is none of {', '.join(names)}")
+    wanted = word[1:-1].replace("''", "'") if word[:1] == "'" == word[-1:] and len(word) > 1 else word
+    same = [number for number, name in enumerate(names) if name == wanted]
+    found = same or [number for number, name in enumerate(names) if name.lower() == wanted.lower()]
+    if not found:
+        raise ValueError(f"{text!r}: {wanted!r} is none of {', '.join(names)}")
+    if len(found) > 1:
+        raise ValueError(f"{text!r}: {wanted!r} may be any of {', '.join(names[number] for number in found)}")
+    return found[0]
+
+
+def _as_word(name: str) -> str:
+    """A name as it stands in a sentence: in quotes unless it is a plain word."""
+    if _PLAIN.fullmatch(name) and name.lower() not in _KEYWORDS:
+        return name
+    return "'" + name.replace("'", "''") + "'"
 
 
 def in_words(found: Rule, inputs: Sequence[Labelled], outputs: Sequence[Labelled]) -> str:
@@ -173,7 +188,8 @@ def in_words(found: Rule, inputs: Sequence[Labelled], outputs: Sequence[Labelled
 
     def clauses(parts: Sequence[Clause], variables: Sequence[Labelled], joint: str) -> str:
         return joint.join(
-            f"{variables[c.variable].name} is {'not ' if c.negated else ''}{variables[c.variable].labels[c.label]}"
+            f"{_as_word(variables[c.variable].name)} is {'not ' if c.negated else ''}"
+            f"{_as_word(variables[c.variable].labels[c.label])}"
             for c in parts
         )
 

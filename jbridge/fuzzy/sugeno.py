@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from .defuzzify import EMPTY
-from .inference import AbstractSystem, Inference, strengths
+from .inference import AbstractSystem, Inference, clipped_inputs, joined, strengths
 from .membership import as_number
 from .norms import AbstractNorm, Maximum, Product, Softness
 from .rules import Rule, Variable, check_labels
@@ -50,9 +50,15 @@ class Sugeno(AbstractSystem):
     disjunction: AbstractNorm = Maximum()
     summed: bool = eqx.field(static=True, default=False)
     """Whether conclusions are added up rather than averaged."""
+    matlab: bool = eqx.field(static=True, default=False)
+    """Whether an input beyond its universe has the degrees of its own place, as in MATLAB; see `Mamdani.matlab`."""
+
+    def __check_init__(self) -> None:
+        if any(clause.negated for rule in self.rules for clause in rule.consequent):
+            raise ValueError("a Sugeno rule concludes in a function, which cannot be negated")
 
     def infer(self, values: Float[Array, " input"], *, softness: Softness = None) -> Inference:
-        inside = jnp.stack([variable.clip(values[i]) for i, variable in enumerate(self.inputs)])
+        inside = clipped_inputs(self.inputs, values, self.matlab)
         strength = strengths(self.inputs, self.rules, inside, self.conjunction, self.disjunction, softness)
         outputs, fired = [], []
         for number, output in enumerate(self.outputs):
@@ -69,4 +75,4 @@ class Sugeno(AbstractSystem):
                 total = total / jnp.where(weights > 0.0, weights, 1.0)
             outputs.append(jnp.where(any_fired, total, output.middle))
             fired.append(any_fired)
-        return Inference(jnp.stack(outputs), jnp.stack(fired), jnp.stack(strength))
+        return Inference(joined(outputs), jnp.stack(fired), jnp.stack(strength))

@@ -27,7 +27,8 @@ RUN = "run.csv"
 _NEVER = "not within the time"
 _EXPLAINED = (
     "Settled: within 1 cm of the goal until the next move, counted from the move's start. Overshoot: as a share of the "
-    "way. Steady error and swing: over the last quarter of the rest."
+    "way. Steady error and swing: over the last quarter of the rest. Travel: mean of |du/dt|. Sign changes: from "
+    "beyond 1 % of the drive's limit to beyond 1 % on the other side. At the limit: share of the time."
 )
 
 
@@ -54,22 +55,42 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    write_text(target / "control.html", _page(tracking, pictures, silence(tracking, controller)))
+    remarks = [sentence[0].upper() + sentence[1:] for sentence in unsettled(tracking)]
+    write_text(target / "control.html", _page(tracking, pictures, [*remarks, *silence(tracking, controller)]))
     return target / "control.html"
 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
     rows = _rows(tracking)
-    head = ("move", "to x, l [m]", "settled, s", "load settled, s", "overshoot x, l", "steady error x, l", "swing left")
+    head = (
+        "move",
+        "to x, l [m]",
+        "settled, s",
+        "load settled, s",
+        "overshoot x, l",
+        "steady error x, l",
+        "swing left",
+        "travel, V/s",
+        "sign changes",
+        "at the limit",
+    )
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
     ]
-    lines.append("")
+    lines = [*(f"Warning: {sentence}" for sentence in unsettled(tracking)), *lines, ""]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"
+
+
+def unsettled(tracking: Tracking) -> list[str]:
+    """A sentence on the moves whose load does not settle, if there are any."""
+    never = [str(k) for k, move in enumerate(tracking.moves, start=1) if move.settling_time["load"] is None]
+    if not never:
+        return []
+    return [f"the load does not settle in move{'s' if len(never) > 1 else ''} {', '.join(never)}."]
 
 
 def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
@@ -147,6 +168,9 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
                 ", ".join(f"{100 * move.overshoot[k]:.2g} %" for k in ("x", "l")),
                 ", ".join(f"{1e3 * move.steady_error[k]:.2g} mm" for k in ("x", "l")),
                 f"{57.29577951308232 * move.residual_swing:.2g}°",
+                ", ".join(f"{move.travel[k]:.2g}" for k in ("x", "l")),
+                ", ".join(str(move.sign_changes[k]) for k in ("x", "l")),
+                ", ".join(f"{100 * move.saturation[k]:.2g} %" for k in ("x", "l")),
             )
         )
     return rows
@@ -161,6 +185,9 @@ def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[s
         "overshoot of x, l",
         "steady error of x, l",
         "swing left",
+        "travel of u_x, u_l [V/s]",
+        "sign changes of u_x, u_l",
+        "u_x, u_l at the limit",
     )
     title = f"{len(tracking.moves)} moves in {digits(tracking.times[-1])} s"
     return page(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..control.base import AbstractController, Reference
 from ..control.fuzzy import FuzzyController
+from ..control.measures import limits_of
 from ..loop import closed_loop, periods_remembered
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
@@ -102,7 +103,8 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
         place, rate = along(points, speed, rest, times)
         arrival = durations(points, speed)[0]
         end = times[-1]
-        summary = MoveSummary(goal, goal - start, arrival + _LATE * (end - arrival), jnp.asarray(period, dtype))
+        late, limits = arrival + _LATE * (end - arrival), limits_of(law).astype(dtype)
+        summary = MoveSummary(goal, goal - start, late, jnp.asarray(period, dtype), limits)
         initial = jnp.zeros(6 + 2 * len(plant.mechanisms), dtype).at[0].set(start[0]).at[2].set(start[1])
         found = closed_loop(
             table.unravel(vector),

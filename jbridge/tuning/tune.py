@@ -90,13 +90,13 @@ def tune(
         legs: moves to learn from; by default two for every bridge, one of the paper's and one of its own, or two of
             its own if there is a region.
         region: where random moves begin and end, held-out ones among them; by default where the paper's do.
-        prepare: what is done to a reference before a controller sees it (`control.shaping.shaped`).
+        prepare: what is done to a reference before a controller sees it; by default its own shaping.
         plants: bridges to learn from, the model itself among them.
         held_out: further bridges, on which random other moves are made; they choose nothing.
         steps: gradient steps.
         starts: number of starts, the given controller first, then the best of some random ones about it, every second
             start with random scales or gains alone; after a fifth of the steps only the best goes on.
-        scatter: how far bridges lie from the model.
+        scatter: how far bridges lie from the model where it does not say how certain it is; see `scattered`.
         seed: of bridges, moves and starts.
         progress: told what goes on, a short text at a time.
 
@@ -112,12 +112,12 @@ def tune(
     if legs is None:
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     knobs = knobs_of(controller.law)
-    period = controller.period
+    period, prepare = controller.period, prepare or controller.shaping
     plant = late(model.plant) if scatter.late > 0 else model.plant
-    course = Course(plant, scattered(plant, plants, seed, scatter), legs, period, prepare)
+    course = Course(plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare)
     others = Course(
         plant,
-        scattered(plant, held_out + 1, seed + 1, scatter)[1:],
+        scattered(plant, held_out + 1, seed + 1, scatter, model.uncertainty)[1:],
         random_legs(
             _HELD_OUT_MOVES,
             seed + 1,
@@ -140,7 +140,7 @@ def tune(
     judges = {"train": Measure(course), "held_out": Measure(others)}
     measures = {name: (judge(given), judge(tuned)) for name, judge in judges.items()}
     return Tuning(
-        Controller(tuned, period, controller.source),
+        dataclasses.replace(controller, law=tuned),
         controller,
         {knob.name: float(value) for knob, value in zip(knobs.knobs, z, strict=True)},
         history,

@@ -55,7 +55,9 @@ def test_fuzzy_systems_may_lie_in_files_of_their_own(tmp_path):
     save_fis(tmp_path / "a.fis", cart_system())
     save_fis(tmp_path / "b.fis", hoist_system())
     path = tmp_path / "fuzzy.toml"
-    path.write_text('kind = "fuzzy"\ncart = "a.fis"\nhoist = "b.fis"\ncart_scale = 3.0\nhoist_scale = 3.0\n')
+    path.write_text(
+        'kind = "fuzzy"\ncart = "a.fis"\nhoist = "b.fis"\ncart_scale = 3.0\nhoist_scale = 3.0\nangle_unit = "deg"\n'
+    )
     assert eqx.tree_equal(load_controller(path).law, paper_controller())
 
 
@@ -73,7 +75,7 @@ def test_fuzzy_systems_may_lie_in_files_of_their_own(tmp_path):
             ("trapmf = [-1.0, -1.0, -0.08, -0.004]", "trapmf = [-1.0, -1.0, -0.08]"),
             "has 3 numbers; it needs left",
         ),
-        (("trimf = [-0.08, -0.004, 0.0]", "trimf = [0.0, -0.004, -0.08]"), "corners of NS do not ascend"),
+        (("trimf = [-0.08, -0.004, 0.0]", "trimf = [0.0, -0.004, -0.08]"), "NS.trimf has corners that do not ascend"),
         (("trimf = [-0.08, -0.004, 0.0]", "tri = [-0.08, -0.004, 0.0]"), "unknown set of NS 'tri'"),
         (("range = [-3.0, 3.0]", "range = [3.0, -3.0]"), "range does not go from a lower to a higher end"),
         (("weights = [1.0, ", "weights = ["), "does not give one number for each of the 9 rules"),
@@ -91,7 +93,7 @@ def test_what_is_wrong_with_a_controller_is_said(written, change, complaint):
 FIS_ERRORS = [
     (("Type='mamdani'", "Type='magic'"), "line 3: type 'magic' is not supported"),
     (("Range=[-3.0 3.0]", "Range=[3.0 -3.0]"), "a range has a lower and a higher end"),
-    (("'trimf',[", "'zmf',["), "is a 'zmf'; jbridge knows trimf"),
+    (("'trimf',[", "'wmf',["), "is a 'wmf'; jbridge knows trimf"),
     (("NumMFs=5", "NumMFs=6"), "has no mf6; add it"),
     (("1 0 0, 1 (1.0) : 1", "9 0 0, 1 (1.0) : 1"), "error has no set 9; it has 5"),
     (("1 0 0, 1 (1.0) : 1", "1 0, 1 (1.0) : 1"), "2 set numbers for 3 variables"),

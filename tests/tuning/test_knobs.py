@@ -88,6 +88,17 @@ def test_gains_are_multiplied_and_zeros_left_alone():
     assert float(found.cart_p) == pytest.approx(20.0) and float(found.cart_i) == 0.0
 
 
+def test_gains_in_an_array_keep_signs_and_zeros():
+    gains = jnp.array([[2.0, -3.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 5.0, 0.0, 0.0, 0.0]])
+    knobs = knobs_of(StateFeedback(gains))
+    assert [knob.name for knob in knobs.knobs] == ["gains[0][0]", "gains[0][1]", "gains[0][4]", "gains[1][2]"]
+    found = knobs.set(jnp.log(jnp.array([1.0, 2.0, 0.5, 3.0]))).gains
+    np.testing.assert_allclose(found, [[2.0, -6.0, 0.0, 0.0, 0.5, 0.0], [0.0, 0.0, 15.0, 0.0, 0.0, 0.0]])
+    # A gain grows by itself times what its logarithm grows by.
+    slopes = jax.grad(lambda z: knobs.set(z).gains.sum())(jnp.zeros(4))
+    np.testing.assert_allclose(slopes, [2.0, -3.0, 1.0, 5.0])
+
+
 def test_a_law_without_numbers_is_refused():
     with pytest.raises(TypeError, match="nothing to tune"):
         knobs_of(StateFeedback(jnp.zeros((2, 6))))

@@ -25,7 +25,7 @@ from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.linearise import linear_model
+from jbridge.tuning.linearise import linear_model, lqr_controller
 from jbridge.tuning.objectives import (
     Chatter,
     Effort,
@@ -34,7 +34,9 @@ from jbridge.tuning.objectives import (
     Leg,
     Overshoot,
     ResidualSwing,
+    Reversals,
     Settling,
+    Travel,
     usual_goal,
 )
 from jbridge.tuning.tune import common_slope, descend, tune
@@ -71,6 +73,12 @@ def test_objectives_are_what_they_say():
     assert float(Overshoot()(found, leg)) == pytest.approx(np.max(x - 1.0), rel=1e-12)
     assert float(Effort()(found, leg)) == pytest.approx(np.mean(np.sum(u**2, axis=1)), rel=1e-12)
     assert float(Chatter()(found, leg)) == pytest.approx(np.mean(np.sum(np.diff(u, axis=0) ** 2, axis=1)), rel=1e-12)
+    # Drives of 0.1 s are behind commands that change by so many volts a second.
+    assert float(Travel(0.1, 1e-6)(found, leg)) == pytest.approx(
+        0.1 * np.mean(np.sum(np.abs(np.diff(u, axis=0)), axis=1)) / 0.02, rel=1e-3
+    )
+    changes = np.sum(np.diff(np.sign(u), axis=0) != 0)
+    assert float(Reversals(0.1, 1e-4)(found, leg)) == pytest.approx(0.1 * changes, abs=0.06)
     both = Goal((Effort(), Chatter()), (2.0, 3.0))
     assert float(both(found, leg)) == pytest.approx(2 * float(Effort()(found, leg)) + 3 * float(Chatter()(found, leg)))
     with pytest.raises(ValueError, match="1 weights for 2 objectives"):
@@ -95,6 +103,28 @@ def test_bridges_scatter_as_told():
         factors = rows[1:, place] / base[place]
         assert np.abs(factors - 1).max() <= share + 1e-12
         assert share == 0.0 or np.abs(factors - 1).max() > 0.9 * share
+
+
+def test_bridges_scatter_by_a_models_own_uncertainty():
+    known = {
+        "cart_damping": {"std": 9.0, "low": 27.0, "high": 63.0},
+        "coulomb_friction@cart.level": {"std": 0.01},
+        "load_mass": {"std": 1e-6},
+        "hoist_damping": {"low": 1.0},
+        "dead_zone@cart_drive.positive": {"std": 0.1},
+    }
+    rows, plain = scattered(PLANT, 4000, 1, uncertainty=known), scattered(PLANT, 4000, 1)
+    table = ParameterTable(PLANT)
+    np.testing.assert_array_equal(rows[0], plain[0])
+    # A normal distribution cut off at twice its deviation has 0.95 of it; a certain number keeps a twentieth of itself.
+    for name, std in (("cart_damping", 9.0), ("coulomb_friction@cart.level", 0.05 * 3.0)):
+        (place,) = table.positions(name)
+        away = rows[1:, place] - rows[0, place]
+        assert np.std(away) == pytest.approx(0.95 * std, rel=0.05) and np.abs(away).max() <= 2.0 * std + 1e-12
+    same = np.setdiff1d(
+        np.arange(table.size), [*table.positions("cart_damping"), *table.positions("coulomb_friction@cart.level")]
+    )
+    np.testing.assert_array_equal(rows[:, same], plain[:, same])
 
 
 def test_drives_may_answer_later_than_the_models():
@@ -221,6 +251,18 @@ def test_tuning_makes_a_law_better_and_the_same_twice():
         tune(MODEL, given, steps=0)
 
 
+def test_an_lqr_is_that_of_python_control():
+    """Gains against another solver, and a loop that is stable."""
+    control = pytest.importorskip("control")
+    law = lqr_controller(MODEL, length=0.5).law
+    a, b, _ = linear_model(PLANT, 0.5, 0.02)
+    degree = np.radians(1.0)
+    q = np.diag(np.array([0.01, degree, 0.01, 0.1, 5 * degree, 0.1]) ** -2.0)
+    wanted, _, poles = control.dlqr(a, b, q, np.diag([1.0, 1 / 9.0]))
+    np.testing.assert_allclose(law.gains, wanted, rtol=1e-6, atol=1e-7)
+    assert np.abs(poles).max() < 1.0
+
+
 def test_measures_agree_with_those_of_one_run():
     """Against `control.measures`, which takes the samples themselves."""
     course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
@@ -234,6 +276,11 @@ def test_measures_agree_with_those_of_one_run():
     (told,) = moves(path.times, np.stack([path.x, path.l], 1), position, np.asarray(one.command))
     assert found["itae_x"][1, 0] == pytest.approx(told.itae["x"], rel=0.02)
     assert found["residual_swing"][1, 0] == pytest.approx(told.residual_swing, rel=1e-9)
+    for name in ("x", "l"):
+        assert found[f"sign_changes_{name}"][1, 0] == told.sign_changes[name]
+        assert found[f"saturation_{name}"][1, 0] == pytest.approx(told.saturation[name], abs=1e-12)
+        # The samples of the leg leave out the first change, before the reference moves.
+        assert found[f"chatter_{name}"][1, 0] == pytest.approx(told.travel[name], rel=0.05)
     for name in ("x", "l", "load"):
         assert told.settling_time[name] is not None
         assert found[f"settling_{name}"][1, 0] == pytest.approx(told.settling_time[name], abs=0.021)

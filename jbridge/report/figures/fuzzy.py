@@ -34,7 +34,7 @@ def draw_variable(
     """
     low, high = (scale * float(variable.low), scale * float(variable.high)) if limit is None else (-limit, limit)
     values = np.linspace(low, high, 1201)
-    found = variable.degrees(jnp.asarray(values / scale))
+    found = variable.degrees(variable.clip(jnp.asarray(values / scale)))
     named: list[tuple[float, str, str]] = []
     for colour, said, degrees in zip(_COLOURS, variable.labels, found, strict=False):
         curve = np.asarray(degrees)

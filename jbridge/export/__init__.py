@@ -1,0 +1,1 @@
+"""Controllers and models in the languages of other programs."""

@@ -1,0 +1,259 @@
+"""Controllers as C99: one header without allocation, for `double` or `float`, with a test of its own.
+
+The header holds two functions, `NAME_start` and `NAME_step`, which do what `AbstractController.start` and `.command`
+do, and `NAME_self_test`, which lets the controller run over samples whose commands were computed here. A program
+defines `NAME_REAL` as `float` before it includes the header to compute in single precision.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._types import Axes
+from ..control.base import AbstractController, Reference
+from ..control.compensation import LIMITS, Compensation
+from ..control.files import Controller
+from ..control.fuzzy import FuzzyController
+from ..control.linear import Pid, StateFeedback
+from ..errors import InputError
+from ..fuzzy.inference import AbstractSystem
+from ..fuzzy.rules import Variable
+from .c_fuzzy import HELPERS, real, system_source
+
+SAMPLES = 32
+"""Samples of the self-test."""
+TOLERANCES = {"double": 1e-12, "float": 1e-3}
+"""Largest difference of a command from Python's [V]: in single precision, differences of positions are rounded, too."""
+
+
+def controller_header(controller: Controller, name: str) -> str:
+    """The header of a controller.
+
+    Args:
+        controller: fuzzy, PID or state feedback.
+        name: prefix of all that it defines, such as `crane`.
+
+    Raises:
+        InputError: the name is no identifier of C, or the law has no form in C.
+    """
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
+        raise InputError(f"{name!r} is no name in C; use letters, digits and underscores, a letter first")
+    write = _LAWS.get(type(controller.law))
+    if write is None:
+        raise InputError(f"a {type(controller.law).__name__} has no form in C; export a fuzzy, PID or LQR controller")
+    if controller.shaping is not None:
+        raise InputError(
+            f"{controller.source or 'the controller'}: shapes its reference, which the header does not; shape the "
+            "reference where it is made, and take [shaping] out of the file"
+        )
+    functions, step, sums = write(controller.law, controller.period)
+    law: Any = controller.law
+    share = controller.period / (controller.period + float(law.differences.time_constant))
+    text = _HEAD + HELPERS + functions + _START.replace("SUMS", _SUMS_START if sums else "")
+    text += _STEP.replace("SHARE", real(share)).replace("PERIOD", real(controller.period)).replace("LAW", step)
+    text += _self_test(controller)
+    text = text.replace("MEMBERS", "\n    P_real sums[2];" if sums else "").replace("SECONDS", repr(controller.period))
+    text = text.replace("P_NAME", name.upper())
+    return re.sub(r"\bR\(", f"{name}_C(", re.sub(r"\bP_", f"{name}_", text))
+
+
+_HEAD = """\
+/* A controller of cart and hoist, written by jbridge. All numbers are in SI units, angles in rad.
+ *
+ *     P_state state;
+ *     P_start(&state, measured);                        once, with what the encoders read at rest
+ *     P_step(&state, measured, reference, command);     every SECONDS s
+ *
+ * measured: x [m], psi [rad], l [m]. reference: x [m], l [m] and their speeds [m/s]. command: u_x, u_l [V].
+ * Define P_NAME_REAL as float before this file is included to compute in single precision. P_self_test() returns how
+ * many commands differ from those that jbridge computed; with P_NAME_MAIN defined this file is a program that says so.
+ */
+#ifndef P_NAME_H
+#define P_NAME_H
+#include <tgmath.h>
+
+#ifndef P_NAME_REAL
+#define P_NAME_REAL double
+#endif
+typedef P_NAME_REAL P_real;
+#define P_C(value) ((P_real)(value))
+#define P_NAME_PERIOD SECONDS
+
+typedef struct {
+    P_real last[3];
+    P_real speed[3];MEMBERS
+} P_state;
+
+"""
+_START = """
+static inline void P_start(P_state *state, const P_real measured[3]) {
+    int k;
+    for (k = 0; k < 3; ++k) {
+        state->last[k] = measured[k];
+        state->speed[k] = 0;
+    }
+SUMS}
+"""
+_SUMS_START = "    state->sums[0] = state->sums[1] = 0;\n"
+_STEP = """
+static inline void P_step(P_state *state, const P_real measured[3], const P_real reference[4], P_real command[2]) {
+    P_real *speed = state->speed;
+    int k;
+    for (k = 0; k < 3; ++k) {
+        speed[k] += SHARE * ((measured[k] - state->last[k]) / PERIOD - speed[k]);
+        state->last[k] = measured[k];
+    }
+LAW}
+"""
+_TEST = """
+static inline int P_self_test(void) {
+    /* Of every sample measured, reference, command. */
+    static const P_real samples[COUNT][9] = {
+ROWS
+    };
+    const P_real tolerance = sizeof(P_real) < sizeof(double) ? FLOAT : DOUBLE;
+    P_state state;
+    P_real command[2];
+    int i, k, failed = 0;
+    P_start(&state, samples[0]);
+    for (i = 0; i < COUNT; ++i) {
+        P_step(&state, samples[i], samples[i] + 3, command);
+        for (k = 0; k < 2; ++k)
+            if (!(fabs(command[k] - samples[i][7 + k]) <= tolerance)) ++failed;
+    }
+    return failed;
+}
+
+#ifdef P_NAME_MAIN
+#include <stdio.h>
+int main(void) {
+    const int failed = P_self_test();
+    printf("%d of %d commands differ from jbridge's\\n", failed, 2 * COUNT);
+    return failed ? 1 : 0;
+}
+#endif
+#endif
+"""
+
+
+def _self_test(controller: Controller) -> str:
+    measured, reference, command = samples(controller, SAMPLES, seed=0)
+    rows = np.concatenate([measured, reference, command], axis=1)
+    lines = ",\n".join("        {" + ", ".join(map(real, row)) + "}" for row in rows)
+    text = _TEST.replace("ROWS", lines).replace("COUNT", str(SAMPLES))
+    return text.replace("FLOAT", real(TOLERANCES["float"])).replace("DOUBLE", real(TOLERANCES["double"]))
+
+
+def samples(
+    controller: Controller, count: int, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """A walk of the measurements about random references, and what the controller commands.
+
+    Args:
+        controller: what commands.
+        count: of samples, the first one that of the start.
+        seed: of the walk.
+
+    Returns:
+        `(sample, 3)` measured [m, rad, m], `(sample, 4)` references [m, m, m/s, m/s], `(sample, 2)` commands [V].
+    """
+    rng = np.random.default_rng(seed)
+    largest = np.array([0.3, 0.2, 0.2]) * controller.period
+    walk = np.cumsum(rng.uniform(-largest, largest, (count, 3)), axis=0)
+    measured = np.array([0.6, 0.0, 0.5]) + walk - walk.mean(axis=0)
+    away = rng.choice([1e-3, 1e-2, 0.1, 1.0], (count, 1)) * rng.standard_normal((count, 2))
+    reference = np.concatenate([measured[:, [0, 2]] + away, rng.uniform(-0.2, 0.2, (count, 2))], axis=1)
+    return measured, reference, np.asarray(_commands(controller.law, measured, reference, controller.period))
+
+
+def _commands(
+    law: AbstractController, measured: NDArray[np.float64], reference: NDArray[np.float64], period: float
+) -> NDArray[np.float64]:
+    ready = law.ready()
+
+    def step(state: Any, sample: Any) -> tuple[Any, jax.Array]:
+        command, state = ready.command(state, Axes(*sample[0]), Reference(*sample[1]), period)
+        return state, command
+
+    @jax.jit
+    def run(measured: jax.Array, reference: jax.Array) -> jax.Array:
+        return jax.lax.scan(step, ready.start(Axes(*measured[0])), (measured, reference))[1]
+
+    return np.asarray(run(jnp.asarray(measured), jnp.asarray(reference)))
+
+
+def _compensated(compensation: Compensation | None, signals: tuple[str, str]) -> str:
+    if compensation is None:
+        return "".join(f"    command[{k}] = {signal};\n" for k, signal in enumerate(signals))
+    lost = compensation.cart, compensation.hoist
+    bias = 0.0, compensation.hoist_bias
+    limits = compensation.cart_limit, compensation.hoist_limit
+    text = ""
+    for k, signal in enumerate(signals):
+        low, high = real(-float(limits[k])), real(limits[k])
+        text += f"    command[{k}] = {signal};\n"
+        given = f"command[{k}] + {real(lost[k])} * tanh(command[{k}] / {real(compensation.blur)}) + {real(bias[k])}"
+        text += f"    command[{k}] = P_between({given}, {low}, {high});\n"
+    return text
+
+
+def _fuzzy(law: FuzzyController, period: float) -> tuple[str, str, bool]:
+    """Functions, the statements of a step, and whether there are integrals."""
+    speeds = [f" - reference[{2 + k}]" if law.relative_speed else "" for k in range(2)]
+    cart = {
+        "error": f"(reference[0] - measured[0]) / {real(law.cart_scale)}",
+        "velocity": f"speed[0]{speeds[0]}",
+        "angle": f"measured[1] * {real(180.0 / np.pi)}",
+    }
+    hoist = {
+        "error": f"(reference[1] - measured[2]) / {real(law.hoist_scale)}",
+        "velocity": f"speed[2]{speeds[1]}",
+    }
+
+    def inputs(name: str, found: dict[str, str], variables: tuple[Variable, ...]) -> str:
+        values = ",\n        ".join(found[variable.name] for variable in variables)
+        return f"    const P_real {name}[{len(variables)}] = {{\n        {values}}};\n"
+
+    systems: dict[str, AbstractSystem] = {"cart": law.cart, "hoist": law.hoist}
+    functions = "".join("\n" + system_source(name, system) for name, system in systems.items())
+    step = inputs("cart", cart, law.cart.inputs) + inputs("hoist", hoist, law.hoist.inputs)
+    return functions, step + _compensated(law.compensation, ("P_cart(cart)", "P_hoist(hoist)")), False
+
+
+def _pid(law: Pid, period: float) -> tuple[str, str, bool]:
+    text, signals = "", []
+    for k, (axis, place) in enumerate((("cart", 0), ("hoist", 2))):
+        p, i, d = (real(getattr(law, f"{axis}_{term}")) for term in "pid")
+        room = float(law.most) * float(LIMITS[k])
+        error, slope = f"(reference[{k}] - measured[{place}])", f"(reference[{2 + k}] - speed[{place}])"
+        grown = f"state->sums[{k}] + {i} * {error} * {real(period)}"
+        text += f"    state->sums[{k}] = P_between({grown}, {real(-room)}, {real(room)});\n"
+        signals.append(f"{p} * {error} + state->sums[{k}] + {d} * {slope}")
+    return "", text + _compensated(law.compensation, (signals[0], signals[1])), True
+
+
+def _state_feedback(law: StateFeedback, period: float) -> tuple[str, str, bool]:
+    away = (
+        "measured[0] - reference[0]",
+        "measured[1]",
+        "measured[2] - reference[1]",
+        "speed[0] - reference[2]",
+        "speed[1]",
+        "speed[2] - reference[3]",
+    )
+    text = "    const P_real away[6] = {\n        " + ",\n        ".join(away) + "};\n"
+    gains = np.asarray(law.gains)
+    signals = [" + ".join(f"{real(-gain)} * away[{k}]" for k, gain in enumerate(row)) for row in gains]
+    return "", text + _compensated(law.compensation, (signals[0], signals[1])), False
+
+
+_LAWS: dict[type[AbstractController], Callable[[Any, float], tuple[str, str, bool]]] = {
+    FuzzyController: _fuzzy,
+    Pid: _pid,
+    StateFeedback: _state_feedback,
+}

@@ -1,0 +1,63 @@
+"""`save_export`: a controller or a model in another program's language, as a file."""
+
+import os
+import re
+from pathlib import Path
+
+from .._toml import Where, read_toml, replace_text
+from ..control.files import load_controller
+from ..errors import InputError
+from ..model.files import load_model, requires
+from .c import controller_header
+from .models import matlab_function, mujoco_xml, state_space_module
+
+TARGETS = ("c", "mujoco", "statespace", "matlab")
+"""Languages: C99 for controllers, the rest for models."""
+ROPE = 0.5
+"""Length of the rope at a model's working point where nothing else is said [m]."""
+
+
+def save_export(
+    folder: str | os.PathLike[str], source: str | os.PathLike[str], target: str, *, rope: float = ROPE
+) -> Path:
+    """Writes a controller or a model in another program's language.
+
+    Args:
+        folder: which is made if need be; the file in it is called like the source.
+        source: a controller's TOML for `c`, otherwise a model's.
+        target: one of `TARGETS`.
+        rope: length of the rope at the working point of a model [m].
+
+    Returns:
+        The file: `NAME.h`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
+
+    Raises:
+        InputError: the source cannot be read, is of the other kind, or has what the language cannot say.
+    """
+    path = Path(source)
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
+    document = read_toml(path, "model or controller", "a [bridge] table, or the kind of a controller")
+    if target == "c":
+        if "kind" not in document and "bridge" in document:
+            Where(str(path)).refuse("a model, but only controllers are exported as C; choose --to mujoco, ...")
+        text, end = controller_header(load_controller(path), name), ".h"
+    else:
+        if "kind" in document and "bridge" not in document:
+            Where(str(path)).refuse(f"a controller, but only models are exported to {target}; choose --to c")
+        if not 0.0 < rope < 1e3:
+            raise InputError(f"--rope {rope:g}: give the length of the rope at the working point in metres, above 0")
+        model = load_model(path)
+        requires(model, ("x", "psi", "l"))
+        text, end = {
+            "mujoco": lambda: (mujoco_xml(model, rope), ".xml"),
+            "statespace": lambda: (state_space_module(model, rope), "_statespace.py"),
+            "matlab": lambda: (matlab_function(model, name, rope), ".m"),
+        }[target]()
+    file = Path(folder) / f"{name}{end}"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
+    replace_text(file, text)
+    return file

@@ -1,0 +1,58 @@
+"""Closed loops along references: shaped ones, and rivals compared."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+from jbridge.control.compensation import Compensation
+from jbridge.control.files import Controller
+from jbridge.control.linear import Pid
+from jbridge.control.shaping import Shaping
+from jbridge.model.files import Model
+from jbridge.report.rivals import describe_rivals
+from jbridge.signals import smooth_path
+from jbridge.tracking import track
+from tests.problems import NUMBERS, make_plant
+
+MODEL = Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, "")
+PID = Controller(Pid(40.0, 0.0, 2.0, 60.0, 20.0, 2.0, compensation=Compensation(hoist_bias=-0.468)), 0.02)
+
+
+@functools.cache
+def runs():
+    """The same controller with a shaped reference and without, on half a metre of rope."""
+    path = smooth_path([(0.2, 0.5), (0.8, 0.5)], speed=(0.9, 0.2), rest=4.0, period=0.02)
+    shaped = dataclasses.replace(PID, shaping=Shaping("zvd", float(np.sqrt(9.81 / 0.5))))
+    return {"plain": track(MODEL, PID, path), "shaped": track(MODEL, shaped, path)}
+
+
+def test_a_shaped_reference_leaves_less_swing_and_is_measured_against_the_wanted_one():
+    plain, shaped = (run.moves[0] for run in runs().values())
+    assert plain.residual_swing > 0.03 and shaped.residual_swing < 0.2 * plain.residual_swing
+    # A whole period of the swing late: 1.4 s at up to 0.6 m behind what is wanted.
+    assert shaped.arrival == plain.arrival and shaped.itae["x"] > 2.0 * plain.itae["x"]
+    assert len(runs()["shaped"].times) == len(runs()["plain"].times) + 71
+
+
+def moved(run, **changes):
+    return dataclasses.replace(run, moves=tuple(dataclasses.replace(move, **changes) for move in run.moves))
+
+
+def test_the_rival_to_take_settles_the_most_moves():
+    run = runs()["shaped"]
+    quick = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": 2.0}, travel={"x": 4.0, "l": 0.0})
+    calm = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": 3.0}, travel={"x": 1.0, "l": 0.0})
+    never = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": None})
+    said = describe_rivals({"never": never, "calm": calm, "quick": quick})
+    assert "Take quick: on this model it settles 1 of 1 moves, in 2.00 s on average." in said
+    assert "calm settles as many with 25% of the travel of u_x." in said
+    assert [line.split()[0] for line in said.splitlines()[1:4]] == ["never", "calm", "quick"]
+    assert "take none" in describe_rivals({"never": never})
+
+
+@pytest.mark.parametrize("key", ["x", "l"])
+def test_what_is_followed_begins_and_ends_where_wanted(key):
+    plain, shaped = (run.reference[key] for run in runs().values())
+    assert shaped[0] == plain[0] and shaped[-1] == pytest.approx(plain[-1], abs=1e-12)
