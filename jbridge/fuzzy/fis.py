@@ -45,7 +45,9 @@ class _Reader:
         self.sections: dict[str, _Section] = {}
         self.rules: list[tuple[int, str]] = []
         current = None
-        for number, line in enumerate(text.splitlines(), start=1):
+        lines = text.splitlines()
+        self.lines = len(lines)
+        for number, line in enumerate(lines, start=1):
             line = line.strip()
             if not line or line.startswith(("%", "#")):
                 continue
@@ -77,10 +79,11 @@ class _Reader:
         line, text = self.entry(section, key, default)
         return line, text.strip("'\"")
 
-    def count(self, key: str) -> int:
-        line, text = self.entry("system", key)
-        if not text.isdigit():
-            self.complain(line, f"{key} is {text!r}, which is not a number of things")
+    def count(self, section: str, key: str) -> int:
+        """A number of things; there cannot be more than the file has lines, which bounds what a file can ask for."""
+        line, text = self.entry(section, key)
+        if not re.fullmatch("[0-9]{1,9}", text) or int(text) > self.lines:
+            self.complain(line, f"{key} is {text[:40]!r}, where the number of those in the file belongs")
         return int(text)
 
     def numbers(self, line: int, text: str) -> list[float]:
@@ -108,11 +111,8 @@ class _Reader:
         ends = self.numbers(line, text.strip("[]"))
         if len(ends) != 2 or not ends[0] < ends[1] or not np.isfinite(ends).all():
             self.complain(line, f"a range has a lower and a higher end, not {text}")
-        line, text = self.entry(section, "nummfs")
-        if not text.isdigit():
-            self.complain(line, f"NumMFs is {text!r}, which is not a number of things")
         members = []
-        for number in range(1, int(text) + 1):
+        for number in range(1, self.count(section, "nummfs") + 1):
             line, text = self.entry(section, f"mf{number}")
             found = _SET.fullmatch(text)
             if not found:
@@ -185,7 +185,7 @@ class _Reader:
             self.complain(line, f"{len(numbers)} set numbers for {len(variables)} variables")
         clauses = []
         for place, (number, variable) in enumerate(zip(numbers, variables, strict=True)):
-            if number != int(number) or abs(number) > len(variable.labels):
+            if not (abs(number) <= len(variable.labels) and number == int(number)):
                 self.complain(line, f"{variable.name} has no set {number:g}; it has {len(variable.labels)}")
             if number:
                 clauses.append(Clause(place, int(abs(number)) - 1, number < 0))
@@ -200,11 +200,11 @@ def load_fis(path: str | Path) -> AbstractSystem:
     """
     reader = _Reader(Path(path))
     kind = reader.choice("type", "mamdani", ("mamdani", "sugeno"))
-    many = reader.count("numinputs")
+    many = reader.count("system", "numinputs")
     inputs = tuple(reader.sets(f"input{i + 1}") for i in range(many))
     conjunction = reader.norm("andmethod", "min", ("min", "prod"))
     disjunction = reader.norm("ormethod", "max", ("max", "probor"))
-    names = [f"output{i + 1}" for i in range(reader.count("numoutputs"))]
+    names = [f"output{i + 1}" for i in range(reader.count("system", "numoutputs"))]
     if not inputs or not names:
         raise InputError(f"{path}: a fuzzy system needs an input and an output")
     if kind == "sugeno":

@@ -147,10 +147,7 @@ def _read_effect(file: Where, number: int, table: dict[str, Any]) -> AbstractEff
 def _number(where: Where, key: str, value: Any, info: ParameterInfo, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         where.refuse(f"{key} = {shown(value)} is not a number; write it as {key} = 1.5 ({unit})")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
+    number = float(value)
     if not math.isfinite(number):
         where.refuse(f"{key} = {shown(value)} is not a finite number; write it as {key} = 1.5 ({unit})")
     if not info.low <= number <= info.high:

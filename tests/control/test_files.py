@@ -98,6 +98,11 @@ FIS_ERRORS = [
     (("1 0 0, 1 (1.0) : 1", "1 0 0, 1 (1.5) : 1"), "a weight lies between 0 and 1"),
     (("[Rules]", "Rules]"), "is neither a"),
     (("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
+    (("NumInputs=3", "NumInputs=²"), "numinputs is '²', where the number of those in the file belongs"),
+    (("NumInputs=3", "NumInputs=1000000000"), "numinputs is '1000000000', where the number"),
+    (("NumOutputs=1", "NumOutputs=1" + 5000 * "0"), "numoutputs is '1000.*', where the number"),
+    (("NumMFs=5", "NumMFs=99999"), "nummfs is '99999', where the number"),
+    (("1 0 0, 1 (1.0) : 1", f"1{400 * '0'} 0 0, 1 (1.0) : 1"), "error has no set inf; it has 5"),
 ]
 
 
