@@ -42,6 +42,16 @@ class Where:
             if key not in allowed:
                 self.refuse(f"unknown {noun} {quoted(key)}; {nearest(key, allowed)}")
 
+    def beside(self, file: Path, key: str, name: str) -> Path:
+        """The path of a file that `file` names under a key: in the same folder or below, nowhere else."""
+        given = Path(name)
+        if not name.isprintable() or given.is_absolute() or ".." in given.parts or not given.name:
+            self.refuse(
+                f"{key} = {shown(name)} does not lie beside this file or in a folder below; put the file there and"
+                f' write {key} = "NAME"'
+            )
+        return file.parent / given
+
 
 def nearest(word: str, choices: Iterable[str]) -> str:
     """What to write instead of an unknown word."""

@@ -22,6 +22,10 @@ from .fuzzy import FuzzyController
 
 PERIOD = 0.02
 """Sampling period where a file gives none [s], the paper's."""
+SHORTEST_PERIOD = 1e-4
+"""No drive of a bridge follows a command that changes faster [s]; it bounds how long a run is computed."""
+MOST_POINTS = 100_000
+"""Points that a universe may be sampled at; a picture's width has a hundred times fewer."""
 _METHODS = {
     "conjunction": ("min", "prod"),
     "disjunction": ("max", "probor"),
@@ -58,7 +62,7 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
     for axis, names in _INPUTS.items():
         given = document.get(axis)
         if isinstance(given, str):
-            systems[axis] = load_fis(Path(path).parent / given)
+            systems[axis] = load_fis(file.beside(Path(path), axis, given))
         elif isinstance(given, dict):
             systems[axis] = _read_system(file.within(f"[{axis}]"), given)
         else:
@@ -77,7 +81,10 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
         compensation=_read_compensation(file, document.get("compensation")),
         relative_speed=_flag(file, document, "relative_speed"),
     )
-    return Controller(law, _positive(file, document, "period", PERIOD), str(path))
+    period = _positive(file, document, "period", PERIOD)
+    if not SHORTEST_PERIOD <= period <= 1.0:
+        file.refuse(f"period = {shown(period)} s is not from {SHORTEST_PERIOD:g} to 1; write it as period = {PERIOD}")
+    return Controller(law, period, str(path))
 
 
 def save_controller(path: str | os.PathLike[str], controller: Controller) -> None:
@@ -152,7 +159,7 @@ def _read_system(where: Where, table: Mapping[str, Any]) -> Mamdani:
         norms[key] = NORMS[word(where, key, table.get(key, choices[0]), choices)]()
     defuzzifier = DEFUZZIFIERS[word(where, "defuzzifier", table.get("defuzzifier", "centroid"), DEFUZZIFIERS)]()
     points = table.get("points", POINTS)
-    if isinstance(points, bool) or not isinstance(points, int) or points < 3:
+    if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= MOST_POINTS:
         where.refuse(f"points = {shown(points)} is not a number of points; write it as points = {POINTS}")
     inputs, outputs = (_read_variables(where, table, role) for role in ("input", "output"))
     texts, weights = table.get("rules"), table.get("weights")

@@ -11,7 +11,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..errors import InputError
+from .._toml import replace_text
+from ..errors import InputError, quoted
 from .defuzzify import DEFUZZIFIERS
 from .inference import POINTS, AbstractSystem, Mamdani
 from .membership import MEMBERSHIPS, AbstractMembership, as_number
@@ -60,7 +61,7 @@ class _Reader:
             elif current is not None and entry:
                 self.sections[current][entry[1].lower()] = (number, entry[2].strip())
             else:
-                self.complain(number, f"{line!r} is neither a [section] nor key=value")
+                self.complain(number, f"{quoted(line)} is neither a [section] nor key=value")
         if "system" not in self.sections:
             raise InputError(f"{path}: there is no [System] section; this is not a .fis file")
 
@@ -83,14 +84,14 @@ class _Reader:
         """A number of things; there cannot be more than the file has lines, which bounds what a file can ask for."""
         line, text = self.entry(section, key)
         if not re.fullmatch("[0-9]{1,9}", text) or int(text) > self.lines:
-            self.complain(line, f"{key} is {text[:40]!r}, where the number of those in the file belongs")
+            self.complain(line, f"{key} is {quoted(text)}, where the number of those in the file belongs")
         return int(text)
 
     def numbers(self, line: int, text: str) -> list[float]:
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
-            self.complain(line, f"[{text}] is not a list of numbers")
+            self.complain(line, f"{quoted(text)} is not a list of numbers")
         if any(np.isnan(values)):
             self.complain(line, "NaN is no place for a corner")
         return values
@@ -98,7 +99,7 @@ class _Reader:
     def choice(self, key: str, default: str, known: Sequence[str]) -> str:
         line, word = self.word("system", key, default)
         if word.lower() not in known:
-            self.complain(line, f"{key} {word!r} is not supported; choose one of {', '.join(known)}")
+            self.complain(line, f"{key} {quoted(word)} is not supported; choose one of {', '.join(known)}")
         return word.lower()
 
     def norm(self, key: str, default: str, known: Sequence[str]) -> AbstractNorm:
@@ -110,13 +111,13 @@ class _Reader:
         line, text = self.entry(section, "range")
         ends = self.numbers(line, text.strip("[]"))
         if len(ends) != 2 or not ends[0] < ends[1] or not np.isfinite(ends).all():
-            self.complain(line, f"a range has a lower and a higher end, not {text}")
+            self.complain(line, f"a range has a lower and a higher end, not {quoted(text)}")
         members = []
         for number in range(1, self.count(section, "nummfs") + 1):
             line, text = self.entry(section, f"mf{number}")
             found = _SET.fullmatch(text)
             if not found:
-                self.complain(line, f"{text!r} is not of the form 'label':'kind',[numbers]")
+                self.complain(line, f"{quoted(text)} is not of the form 'label':'kind',[numbers]")
             members.append((line, found[1], found[2], self.numbers(line, found[3])))
         return name, ends[0], ends[1], members
 
@@ -132,7 +133,7 @@ class _Reader:
         for line, _, kind, numbers in members:
             wanted = {"constant": 1, "linear": inputs + 1}.get(kind)
             if wanted is None:
-                self.complain(line, f"a Sugeno conclusion is constant or linear, not {kind!r}")
+                self.complain(line, f"a Sugeno conclusion is constant or linear, not {quoted(kind)}")
             if len(numbers) != wanted:
                 self.complain(line, f"{kind} needs {wanted} numbers, not {len(numbers)}")
             made.append(Linear(as_number(numbers[:-1] or [0.0] * inputs), as_number(numbers[-1])))
@@ -149,27 +150,27 @@ class _Reader:
     def _membership(self, line: int, label: str, kind: str, numbers: list[float]) -> AbstractMembership:
         cls = MEMBERSHIPS.get(kind.lower())
         if cls is None:
-            self.complain(line, f"{label!r} is a {kind!r}; jbridge knows {', '.join(MEMBERSHIPS)}")
+            self.complain(line, f"{quoted(label)} is a {quoted(kind)}; jbridge knows {', '.join(MEMBERSHIPS)}")
         wanted = len(dataclasses.fields(cls))
         if len(numbers) != wanted:
             self.complain(line, f"{kind} needs {wanted} numbers, not {len(numbers)}")
         corners = kind.lower() in ("trimf", "trapmf")
         if corners and any(b < a for a, b in zip(numbers, numbers[1:], strict=False)):
-            self.complain(line, f"the corners of {label!r} are not in ascending order")
+            self.complain(line, f"the corners of {quoted(label)} are not in ascending order")
         if not corners and not np.isfinite(numbers).all():
-            self.complain(line, f"{label!r} has an infinite parameter")
+            self.complain(line, f"{quoted(label)} has an infinite parameter")
         # An open shoulder: a flank so far away that it never shows.
         return cls(*np.clip(numbers, -1e12, 1e12))
 
     def rule(self, line: int, text: str, inputs: Sequence[Variable], outputs: Sequence[Variable | Conclusions]) -> Rule:
         found = _RULE.fullmatch(text)
         if not found:
-            self.complain(line, f"{text!r} is not of the form `1 2, 1 (1) : 1`")
+            self.complain(line, f"{quoted(text)} is not of the form `1 2, 1 (1) : 1`")
         weight = self.numbers(line, found[3])
         if len(weight) != 1 or not 0.0 <= weight[0] <= 1.0:
-            self.complain(line, f"a weight lies between 0 and 1, not at {found[3]}")
+            self.complain(line, f"a weight lies between 0 and 1, not at {quoted(found[3])}")
         if found[4] not in ("1", "2"):
-            self.complain(line, f"a rule ends in 1 (and) or 2 (or), not in {found[4]}")
+            self.complain(line, f"a rule ends in 1 (and) or 2 (or), not in {quoted(found[4])}")
         before, after = (
             self._clauses(line, self.numbers(line, part), variables)
             for part, variables in ((found[1], inputs), (found[2], outputs))
@@ -272,7 +273,7 @@ def save_fis(path: str | Path, system: AbstractSystem, name: str = "") -> None:
         before = _numbers(rule.antecedent, len(system.inputs))
         after = _numbers(rule.consequent, len(system.outputs))
         lines.append(f"{before}, {after} ({float(rule.weight)!r}) : {2 if rule.any_of else 1}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    replace_text(path, "\n".join(lines) + "\n")
 
 
 def _section(title: str, variable: Variable | Conclusions, members: Sequence[str]) -> list[str]:

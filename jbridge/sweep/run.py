@@ -23,6 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from .._json import read_json
 from .._toml import replace_text
 from ..errors import InputError
 from ..model.parameters import ParameterTable
@@ -118,7 +119,7 @@ def _claim(folder: Path, question: Sweep) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if mark.exists():
-            found = json.loads(mark.read_text(encoding="utf-8")).get("identity")
+            found = read_json(mark).get("identity")
             if found != question.identity:
                 raise InputError(
                     f"{folder}: holds the results of another sweep; choose another --out, or delete this folder"
@@ -127,6 +128,8 @@ def _claim(folder: Path, question: Sweep) -> None:
         if any(folder.glob("part-*.parquet")):
             raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
         replace_text(mark, json.dumps(_about(question), indent=1) + "\n")
+    except ValueError:
+        raise InputError(f"{mark}: damaged; choose another --out, or delete this folder") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
 
