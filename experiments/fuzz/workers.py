@@ -1,7 +1,6 @@
 """Reads files in a process of its own, with limits, so that whatever a file does to its reader is an outcome.
 
-The processes are forked from a server that has imported jbridge and started nothing: a process whose JAX has threads
-must not be forked.
+The processes are forked from a server that has started nothing: a process whose JAX has threads must not be forked.
 """
 
 import multiprocessing
@@ -14,9 +13,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from corpus import READERS, Case, corpus
-
 import jbridge
+from corpus import READERS, Case, corpus
 
 SECONDS = 10.0
 """Most time that a file may take."""
@@ -43,7 +41,6 @@ class Outcome:
 def outcomes(cases: Iterable[Case]) -> Iterator[Outcome]:
     """What comes of each input, in order, read by one worker, which is replaced when an input ends it."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["workers"])
     worker, pipe = None, None
     try:
         for case in cases:
