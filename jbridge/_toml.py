@@ -5,7 +5,6 @@ A file is data; nothing in it is executed. Whatever is wrong with it becomes one
 
 import datetime
 import json
-import os
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -139,22 +138,6 @@ def _entries(document: dict[str, Any]) -> Iterator[tuple[str, Any, int]]:
             left += [(f"{key}.{name}" if key else name, entry, depth + 1) for name, entry in value.items()]
         elif isinstance(value, list):
             left += [(key, entry, depth + 1) for entry in value]
-
-
-def replace_text(target: Path, text: str) -> None:
-    """Writes a text file; it appears whole or not at all, and an existing file is replaced.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="")
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def as_key(name: str) -> str:

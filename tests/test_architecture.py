@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"_display", "_programs", "_threads"},
     {"_math", "_parameters", "_types", "errors"},
-    {"_json", "_toml"},
+    {"_files", "_toml"},
     {"collect", "signals", "recordings"},
     {"model", "fuzzy"},
     {"control", "inputs"},

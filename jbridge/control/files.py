@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .._toml import Where, as_key, as_value, read_toml, replace_text, shown, word
+from .._files import replace_text
+from .._toml import Where, as_key, as_value, read_toml, shown, word
 from ..fuzzy.defuzzify import DEFUZZIFIERS
 from ..fuzzy.fis import load_fis, save_fis
 from ..fuzzy.inference import POINTS, AbstractSystem, Mamdani

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from .._toml import replace_text
+from .._files import replace_text
 from ..errors import InputError, quoted
 from .defuzzify import DEFUZZIFIERS
 from .inference import POINTS, AbstractSystem, Mamdani

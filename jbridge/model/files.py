@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .._toml import Where, as_key, as_value, nearest, read_toml, replace_text, shown, word
+from .._files import replace_text
+from .._toml import Where, as_key, as_value, nearest, read_toml, shown, word
 from ..errors import listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .._json import read_json
+from .._files import read_json
 from ..diagnosis.result import Former
 from ..errors import InputError
 from .as_json import SCHEMA

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .._json import read_json
+from .._files import read_json
 from ..control.paper import ERROR_RANGE, cart_system, hoist_system
 from ..errors import InputError
 from ..fuzzy.inference import Mamdani
