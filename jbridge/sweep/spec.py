@@ -182,17 +182,13 @@ def variable_names(model: Model, controller: Controller) -> tuple[str, ...]:
     )
 
 
-def _possible(model: Model, name: str) -> tuple[float, float]:
-    """The least and the largest value of what is varied."""
-    if name == "reference.x":
-        return -_LARGEST, _LARGEST
+def _possible(name: str) -> tuple[float, float]:
+    """The least and the largest value of what is varied; a plant may be one that no rig is."""
     if name == "reference.rest":
         return 0.0, _LARGEST
-    if name.startswith(("reference.", "controller.")):
+    if name != "reference.x" and name.startswith(("reference.", "controller.")):
         return 1 / _LARGEST, _LARGEST  # lengths, speeds, scales and a time constant
-    table = ParameterTable(model.plant)
-    infos = [table.entry(place).info for place in table.positions(name)]
-    return max(info.low for info in infos), min(info.high for info in infos)
+    return -_LARGEST, _LARGEST
 
 
 def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tuple[Axis, ...]:
@@ -214,7 +210,7 @@ def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tup
         low, high = table.get("low", min(values, default=None)), table.get("high", max(values, default=None))
         if not _is_number(low) or not _is_number(high) or low > high:
             where.refuse("low and high are not the ends of a range; write low = 0.1 and high = 0.2")
-        least, most = _possible(model, name)
+        least, most = _possible(name)
         lowest, highest = min([low, *values]), max([high, *values])
         if not least <= lowest <= highest <= most:
             where.refuse(f"{name} cannot go from {lowest:g} to {highest:g}; stay within {least:g} to {most:g}")
