@@ -41,6 +41,7 @@ _OFTEN: dict[str, bool | int] = {"xla_cpu_use_fusion_emitters": False, "xla_back
 second level, and emitters of fused operations that go through another compiler first), made in half the time."""
 _ONCE = _OFTEN | {"xla_backend_optimization_level": 0}
 """The same where a program runs a few times only: made in a quarter of the time, one to three times slower."""
+_DIGEST = hashlib.sha256().digest_size
 _CHANGE_TRACES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans")
 _folder: Path | None = None
 _all: "weakref.WeakSet[Program]" = weakref.WeakSet()
@@ -180,8 +181,8 @@ class Program:
         text = repr((self.__module__, self._name, constants, str(treedef), kinds, _settings()))
         path = folder / hashlib.sha256(text.encode()).hexdigest()
         try:
-            exported = jax.export.deserialize(bytearray(path.read_bytes()))
-        except Exception:  # absent, cut short or of another format: traced anew, and replaced
+            exported = jax.export.deserialize(_read(path))
+        except Exception:  # absent, damaged or of another format: traced anew, and replaced
             try:
                 exported = jax.export.export(traced)(*leaves)
                 _write(path, exported.serialize())
@@ -223,13 +224,22 @@ def _settings() -> tuple[str, ...]:
     return (jax.export.default_export_platform(), *(str(getattr(jax.config, name)) for name in _CHANGE_TRACES))
 
 
+def _read(path: Path) -> bytearray:
+    """Returns what `_write` wrote, or raises the ValueError if it has been damaged since: the compiler trusts it."""
+    content = path.read_bytes()
+    digest, program = content[:_DIGEST], content[_DIGEST:]
+    if hashlib.sha256(program).digest() != digest:
+        raise ValueError(f"{path}: damaged")
+    return bytearray(program)
+
+
 def _write(path: Path, content: bytes | bytearray) -> None:
-    """Writes a file whole or not at all; a full disk costs time and changes nothing."""
+    """Writes a file whole or not at all, its sum first; a full disk costs time and changes nothing."""
     name = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
             name = file.name
-            file.write(content)
+            file.write(hashlib.sha256(content).digest() + content)
         os.replace(name, path)
     except OSError:
         if name is not None:

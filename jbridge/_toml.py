@@ -5,10 +5,9 @@ A file is data; nothing in it is executed. Whatever is wrong with it becomes one
 
 import datetime
 import json
-import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -17,6 +16,12 @@ from typing import Any, NoReturn
 import numpy as np
 
 from .errors import InputError, listed, quoted
+
+_DEEPEST = 20
+"""Most tables and lists within each other; files of jbridge need seven, and what walks a document is safe so."""
+_TOO_DEEP = f"tables or lists nested more than {_DEEPEST} deep; delete what does not belong into the file"
+_WHOLE = range(-(2**63), 2**63)
+"""Integers that TOML promises to carry."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,16 @@ class Where:
         for key in table:
             if key not in allowed:
                 self.refuse(f"unknown {noun} {quoted(key)}; {nearest(key, allowed)}")
+
+    def beside(self, file: Path, key: str, name: str) -> Path:
+        """The path of a file that `file` names under a key: in the same folder or below, nowhere else."""
+        given = Path(name)
+        if not name.isprintable() or given.is_absolute() or ".." in given.parts or not given.name:
+            self.refuse(
+                f"{key} = {shown(name)} does not lie beside this file or in a folder below; put the file there and"
+                f' write {key} = "NAME"'
+            )
+        return file.parent / given
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
@@ -96,6 +111,24 @@ def read_toml(path: Path, noun: str, first: str) -> dict[str, Any]:
     Raises:
         InputError: there is no such file, or it is not TOML.
     """
+    document = read_tables(path, noun)
+    if not document:
+        raise InputError(f"{path}: the file is empty; write {first}")
+    return document
+
+
+def read_tables(path: Path, noun: str) -> dict[str, Any]:
+    """The tables of a file, which may be empty.
+
+    They are nested at most 20 deep, and their integers have 64 bits.
+
+    Args:
+        path: of the file.
+        noun: what it is, such as "model".
+
+    Raises:
+        InputError: there is no such file, it is not TOML, or it holds what nothing here reads.
+    """
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
@@ -107,27 +140,28 @@ def read_toml(path: Path, noun: str, first: str) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({reason}); give the path of a {noun} TOML") from None
     try:
         document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # besides syntax: a number too long, brackets too deep
+    except ValueError as error:  # besides syntax: a number too long
         raise InputError(f"{path}: not TOML ({error}); correct that line") from None
-    if not document:
-        raise InputError(f"{path}: the file is empty; write {first}")
+    except RecursionError:
+        raise InputError(f"{path}: {_TOO_DEEP}") from None
+    for key, value, depth in _entries(document):
+        if depth > _DEEPEST:
+            raise InputError(f"{path}, {quoted(key)}: {_TOO_DEEP}")
+        if isinstance(value, int) and value not in _WHOLE:
+            raise InputError(f"{path}, {quoted(key)}: an integer of more than 64 bits; write it with a decimal point")
     return document
 
 
-def replace_text(target: Path, text: str) -> None:
-    """Writes a text file; it appears whole or not at all, and an existing file is replaced.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="")
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
+def _entries(document: dict[str, Any]) -> Iterator[tuple[str, Any, int]]:
+    """Key, value and depth of all that a document holds; without recursion, which a deep one would exhaust."""
+    left: list[tuple[str, Any, int]] = [("", document, 0)]
+    while left:
+        key, value, depth = left.pop()
+        yield key, value, depth
+        if isinstance(value, dict):
+            left += [(f"{key}.{name}" if key else name, entry, depth + 1) for name, entry in value.items()]
+        elif isinstance(value, list):
+            left += [(key, entry, depth + 1) for entry in value]
 
 
 def as_key(name: str) -> str:

@@ -5,6 +5,7 @@ written; 130 when interrupted. Everything else is a bug and shows its traceback.
 """
 
 import argparse
+import errno
 import os
 import shutil
 import sys
@@ -16,6 +17,8 @@ from typing import NoReturn
 import jbridge
 from jbridge import InputError
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What the system says where a disk, or the share of it that one may use, is full."""
 _RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 _MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
 _FORCE = "take columns that are plainly in another unit, of another sign or called otherwise as they are"
@@ -139,6 +142,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Whoever read the summary has gone; what was saved is saved. The interpreter flushes once more at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        progress.clear()
+        print(f"jbridge: {error.strerror}; make room, and call again; finished files are whole", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the interpreter's last flush, as above
+        return 2
     finally:
         progress.clear()
 

@@ -2,14 +2,19 @@
 
 from collections.abc import Iterable
 
+_LONGEST = 1000
+"""Characters of a message; a screen shows twice as many."""
+
 
 class InputError(Exception):
     """A file or an option that cannot be used; `str` is exactly one line: where, what, and what to do."""
 
     def __init__(self, message: str) -> None:
         # Cells and names come from files: a line break or an escape sequence in them must not reach a
-        # terminal.
+        # terminal. A long one must not hide the place, which comes first, and what to do, which comes last.
         line = " ".join(message.split())
+        if len(line) > _LONGEST:
+            line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
         super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
 
 

@@ -12,6 +12,10 @@ _FASTEST = 1.875
 """Largest speed of the polynomial of degree 5, over its mean."""
 
 
+MOST_ENTRIES = 1_000_000
+"""Entries of the longest path: more than five hours at 50 Hz."""
+
+
 class Path(NamedTuple):
     """A reference at equally spaced times."""
 
@@ -71,7 +75,7 @@ def smooth_path(
         period: time between entries [s].
 
     Raises:
-        ValueError: there is no leg, or a limit or time is not positive.
+        ValueError: there is no leg, a limit or time is not positive, or the path has more than a million entries.
     """
     if len(points) < 2:
         raise ValueError("a path needs at least two points")
@@ -79,6 +83,8 @@ def smooth_path(
         raise ValueError("speeds and period must be positive, and the rest not negative")
     places, limits = np.array(points, float), np.array(speed, float)
     total = float(np.sum(np.asarray(durations(jnp.asarray(places), jnp.asarray(limits)))) + rest * (len(points) - 1))
+    if not total / period < MOST_ENTRIES:
+        raise ValueError(f"the path takes {total:.4g} s, more than {MOST_ENTRIES:,} entries of {period:g} s")
     times = np.arange(int(np.ceil(total / period - 1e-9)) + 1, dtype=np.float64) * period
     place, rate = along(jnp.asarray(places), jnp.asarray(limits), jnp.asarray(float(rest)), jnp.asarray(times))
     return Path(times, *np.asarray(place).T, *np.asarray(rate).T)

@@ -21,7 +21,8 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"_display", "_programs", "_threads"},
     {"_math", "_parameters", "_types", "errors"},
-    {"_toml", "collect", "signals", "recordings"},
+    {"_files", "_toml"},
+    {"collect", "signals", "recordings"},
     {"model", "fuzzy"},
     {"control", "inputs"},
     {"rollout"},

@@ -389,7 +389,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     (["--rope", "-0.1", "0.5"], "--rope -0.1 0.5: give"),
     (["--delay", "-5"], "--delay -5: give milliseconds"),
     (["--controller", "sugeno.toml"], "cart's fuzzy system is a Sugeno's; only Mamdani's are tuned"),
-    (["--controller", "folder.toml"], "cannot be read"),
+    (["--controller", "folder.toml"], "cart = '.' does not lie beside this file"),
 ])  # fmt: skip
 def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)

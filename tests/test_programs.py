@@ -93,7 +93,9 @@ def test_a_damaged_file_is_replaced(folder):
     Program(Counted(), (0,))(2, POINT, np.ones(3))
     (path,) = folder.glob("*/*")
     whole = path.read_bytes()
-    for damaged in (whole[: len(whole) // 2], b"", b"\0" * 100):
+    turned = bytearray(whole)
+    turned[len(whole) // 2] ^= 1
+    for damaged in (whole[: len(whole) // 2], b"", b"\0" * 100, bytes(turned)):
         path.write_bytes(damaged)
         function = Counted()
         found = Program(function, (0,))(2, POINT, np.ones(3))

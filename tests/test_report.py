@@ -1,6 +1,8 @@
 """Reports: complete for programs, honest about what is not known, safe to open, whole on disk."""
 
+import base64
 import dataclasses
+import hashlib
 import json
 import math
 import os
@@ -220,6 +222,22 @@ def test_page_is_whole_and_needs_nothing_from_outside(case):
     assert tags.index("h1") < tags.index("h2")  # the verdict comes first
     assert diagnosis.statement.replace("'", "&#x27;") in text
     assert "nan" not in re.sub(r"<style>.*</style>", "", text, flags=re.S).lower().split()
+
+
+def test_a_page_obeys_its_own_policy(tmp_path):
+    """Nothing but its own style sheet and pictures within it is let in (Content Security Policy Level 3)."""
+    text = save_report(tmp_path, cases.brief(hostile())).read_text(encoding="utf-8")
+    found = Elements(text).found
+    policy = next(attrs["content"] for tag, attrs in found if attrs.get("http-equiv") == "Content-Security-Policy")
+    allowed = dict(directive.strip().split(" ", 1) for directive in policy.split(";"))
+    assert allowed.keys() == {"default-src", "img-src", "style-src", "base-uri", "form-action"}
+    assert allowed["default-src"] == allowed["base-uri"] == allowed["form-action"] == "'none'"
+    (style,) = re.findall(r"<style>(.*?)</style>", text, flags=re.S)
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    assert allowed["style-src"] == f"'sha256-{digest}'" and allowed["img-src"] == "data:"
+    assert [tag for tag, _ in found].index("meta") < [tag for tag, _ in found].index("style")
+    assert all(attrs["src"].startswith("data:") for tag, attrs in found if tag == "img")
+    assert [attrs for _, attrs in found if "style" in attrs or any(name.startswith("on") for name in attrs)] == []
 
 
 def test_pictures_are_part_of_the_page(tmp_path):

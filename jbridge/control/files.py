@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from .._toml import Where, as_value, positive, read_toml, replace_text, word
+from .._files import replace_text
+from .._toml import Where, as_value, positive, read_toml, shown, word
 from ..errors import InputError
 from ..signals import Path as SignalPath
 from .base import AbstractController
@@ -20,6 +19,10 @@ from .shaping import Shaping, read_shaping, shaping_lines
 
 PERIOD = 0.02
 """Sampling period where a file gives none [s], the paper's."""
+SHORTEST_PERIOD = 1e-4
+"""No drive of a bridge follows a command that changes faster [s]; it bounds how long a run is computed."""
+LONGEST_PERIOD = 1.0
+"""A swing of the shortest rope has ended by then [s]."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,13 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
     file = Where(str(path))
     kind = _FORMATS[word(file, "kind", document.get("kind"), _FORMATS)]
     file.check_keys(document, ("kind", "period", "shaping", *kind.keys), "key")
-    law = kind.read(file, document, Path(path).parent)
+    law = kind.read(file, document, Path(path))
     period, shaping = positive(file, document, "period", PERIOD), read_shaping(file, document.get("shaping"))
+    if not SHORTEST_PERIOD <= period <= LONGEST_PERIOD:
+        file.refuse(
+            f"period = {shown(period)} s is not from {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g};"
+            f" write it as period = {PERIOD}"
+        )
     return Controller(law, period, str(path), shaping)
 
 
@@ -88,8 +96,11 @@ def save_controller(path: str | os.PathLike[str], controller: Controller) -> Non
     names = [name for name, kind in _FORMATS.items() if isinstance(law, kind.law)]
     if not names:
         raise TypeError(f"a {type(law).__name__} has no file; only {', '.join(_FORMATS)} have")
-    if not 0.0 < controller.period < np.inf:
-        raise InputError(f"{path}: the period is {controller.period:g}, which is not a positive number")
+    if not SHORTEST_PERIOD <= controller.period <= LONGEST_PERIOD:
+        raise InputError(
+            f"{path}: the period is {controller.period:g} s,"
+            f" which is not from {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g}"
+        )
     lines, tables = _FORMATS[names[0]].lines(path, law)
     head = [f"kind = {as_value(names[0])}", f"period = {as_value(controller.period)}"]
     replace_text(path, "\n".join([*head, *lines, *shaping_lines(controller.shaping), *tables]) + "\n")

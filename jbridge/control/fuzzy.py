@@ -33,7 +33,7 @@ class FuzzyController(AbstractController):
     """Error of the cart's position that counts as 1 [m]."""
     hoist_scale: Scalar = eqx.field(converter=as_number, default=1.0)
     """Error of the rope's length that counts as 1 [m]."""
-    differences: Differences = Differences()
+    differences: Differences = eqx.field(default_factory=Differences)
     softness: Softness = None
     """See `fuzzy.inference`; None for the textbook's inference."""
     compensation: Compensation | None = None

@@ -29,18 +29,18 @@ _ANGLES = {"deg": 1.0, "rad": 180.0 / np.pi}
 """Degrees, in which systems are asked, in one unit of the file."""
 
 
-def read_fuzzy(file: Where, document: Mapping[str, Any], folder: Path) -> FuzzyController:
+def read_fuzzy(file: Where, document: Mapping[str, Any], path: Path) -> FuzzyController:
     """The law of a file.
 
     Args:
         file: for messages.
         document: what the file holds.
-        folder: where `.fis` files lie.
+        path: the file, beside which `.fis` files lie.
 
     Raises:
         InputError: naming the key and what to do.
     """
-    systems = {axis: _read_axis(file, document.get(axis), axis, folder) for axis in INPUTS}
+    systems = {axis: _read_axis(file, document.get(axis), axis, path) for axis in INPUTS}
     if any(variable.name == "angle" for variable in systems["cart"].inputs):
         unit = document.get("angle_unit")
         if unit is None:
@@ -96,17 +96,18 @@ def fuzzy_lines(path: Path, law: FuzzyController) -> tuple[list[str], list[str]]
     return lines, tables
 
 
-def _read_axis(file: Where, given: Any, axis: str, folder: Path) -> AbstractSystem:
+def _read_axis(file: Where, given: Any, axis: str, path: Path) -> AbstractSystem:
     where, names = file.within(f"[{axis}]"), INPUTS[axis]
+    named, key = where, "fis"
     if isinstance(given, str):
-        given = {"fis": given}
+        given, named, key = {"fis": given}, file, axis
     if not isinstance(given, dict):
         file.refuse(f'no [{axis}]; add {axis} = "{axis}.fis", or the table itself')
     if "fis" in given:
         where.check_keys(given, ("fis", "inputs", "matlab"), "key")
         if not isinstance(given["fis"], str):
             where.refuse(f"fis = {shown(given['fis'])} is not the name of a file in quotes")
-        system = load_fis(folder / given["fis"], matlab=flag(where, given, "matlab"))
+        system = load_fis(named.beside(path, key, given["fis"]), matlab=flag(where, given, "matlab"))
         system = _renamed(where, system, given.get("inputs"))
     else:
         system = read_system(where, given)

@@ -34,8 +34,8 @@ class Pid(AbstractController):
     hoist_p: Scalar = _number(30.0)
     hoist_i: Scalar = _number(3.0)
     hoist_d: Scalar = _number(1.0)
-    differences: Differences = Differences()
-    compensation: Compensation = Compensation()
+    differences: Differences = eqx.field(default_factory=Differences)
+    compensation: Compensation = eqx.field(default_factory=Compensation)
     most: Scalar = _number(1.0)
     """Largest share of the limits that the integrals may take."""
 
@@ -60,8 +60,8 @@ class StateFeedback(AbstractController):
     tunable: ClassVar[tuple[str, ...]] = ("gains",)
     gains: Float[Array, "2 6"]
     """Of `x, psi, l` and their velocities [V/m, V/rad, V s/m, V s/rad]; one row each for cart and hoist."""
-    differences: Differences = Differences()
-    compensation: Compensation = Compensation()
+    differences: Differences = eqx.field(default_factory=Differences)
+    compensation: Compensation = eqx.field(default_factory=Compensation)
 
     def start(self, measured: Axes) -> tuple[Axes, Axes]:
         return self.differences.start(measured)

@@ -32,7 +32,7 @@ PID_KEYS = (*_AXES, "filter", "integral_share", "compensation")
 FEEDBACK_KEYS = (*_AXES, "filter", "compensation")
 
 
-def read_pid(file: Where, document: Mapping[str, Any], folder: Path) -> Pid:
+def read_pid(file: Where, document: Mapping[str, Any], path: Path) -> Pid:
     """The law of a file whose `kind` is `pid`.
 
     Raises:
@@ -70,7 +70,7 @@ def pid_lines(path: Path, law: Pid) -> tuple[list[str], list[str]]:
     return lines, compensation_lines(path, law.compensation)
 
 
-def read_feedback(file: Where, document: Mapping[str, Any], folder: Path) -> StateFeedback:
+def read_feedback(file: Where, document: Mapping[str, Any], path: Path) -> StateFeedback:
     """The law of a file whose `kind` is `state_feedback`.
 
     Raises:

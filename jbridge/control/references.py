@@ -46,7 +46,10 @@ def load_reference(path: str | os.PathLike[str], period: float) -> Path:
         file.refuse(f"speed = {shown(document['speed'])} is not positive; write it as speed = [0.3, 0.2] (m/s)")
     if isinstance(rest, bool) or not isinstance(rest, int | float) or not 0 <= rest < 1e6:
         file.refuse(f"rest = {shown(rest)} is not a time; write it as rest = 4.0 (s)")
-    return smooth_path(places, speed=speed, rest=float(rest), period=period)
+    try:
+        return smooth_path(places, speed=speed, rest=float(rest), period=period)
+    except ValueError as problem:
+        file.refuse(f"{problem}; raise the speed or shorten the rest")
 
 
 def _pair(file: Where, key: str, value: Any) -> tuple[float, float]:

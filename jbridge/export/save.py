@@ -4,7 +4,8 @@ import os
 import re
 from pathlib import Path
 
-from .._toml import Where, read_toml, replace_text
+from .._files import replace_text
+from .._toml import Where, read_toml
 from ..control.files import load_controller
 from ..errors import InputError
 from ..model.files import load_model, requires

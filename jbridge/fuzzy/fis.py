@@ -14,8 +14,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from .._toml import replace_text
-from ..errors import InputError
+from .._files import replace_text
+from ..errors import InputError, quoted
 from .defuzzify import DEFUZZIFIERS
 from .inference import POINTS, AbstractSystem, Mamdani
 from .membership import MEMBERSHIPS, AbstractMembership, as_number, membership
@@ -81,7 +81,9 @@ class _Reader:
         self.rules: list[tuple[int, str]] = []
         current = None
         # Only these end a line: a name may contain what Unicode counts as another line's beginning.
-        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
+        lines = re.split(r"\r\n|\r|\n", text)
+        self.lines = len(lines)
+        for number, line in enumerate(lines, start=1):
             line = line.strip()
             if not line or line.startswith(("%", "#")):
                 continue
@@ -94,7 +96,7 @@ class _Reader:
             elif current is not None and entry:
                 self.sections[current][entry[1].lower()] = (number, entry[2].strip())
             else:
-                self.complain(number, f"{line!r} is neither a [section] nor key=value")
+                self.complain(number, f"{quoted(line)} is neither a [section] nor key=value")
         if "system" not in self.sections:
             raise InputError(f"{path}: there is no [System] section; this is not a .fis file")
         self.inputs, self.outputs = self.count("numinputs", "input"), self.count("numoutputs", "output")
@@ -116,15 +118,16 @@ class _Reader:
 
     def word(self, section: str, key: str, default: str | None = None) -> tuple[int, str]:
         line, text = self.entry(section, key, default)
-        quoted, plain = _NAME.fullmatch(text), _PLAIN_NAME.fullmatch(text)
-        if quoted:
-            return line, quoted[1].replace("''", "'")
+        named, plain = _NAME.fullmatch(text), _PLAIN_NAME.fullmatch(text)
+        if named:
+            return line, named[1].replace("''", "'")
         return line, plain[2] if plain else _bare(text)
 
     def whole(self, section: str, key: str) -> tuple[int, int]:
+        """A number of things; there cannot be more than the file has lines, which bounds what a file can ask for."""
         line, text = self.entry(section, key)
-        if not re.fullmatch("[0-9]{1,9}", _bare(text)):
-            self.complain(line, f"{key} is {text!r}, which is not a number of things")
+        if not re.fullmatch("[0-9]{1,9}", _bare(text)) or int(_bare(text)) > self.lines:
+            self.complain(line, f"{key} is {quoted(text)}, where the number of those in the file belongs")
         return line, int(_bare(text))
 
     def count(self, key: str, role: str) -> int:
@@ -142,12 +145,12 @@ class _Reader:
         try:
             return [float(word) for word in _bare(text).strip("[]").replace(",", " ").split()]
         except ValueError:
-            self.complain(line, f"[{text}] is not a list of numbers")
+            self.complain(line, f"{quoted(text)} is not a list of numbers")
 
     def choice(self, key: str, default: str, known: Sequence[str]) -> str:
         line, word = self.word("system", key, default)
         if word.lower() not in known:
-            self.complain(line, f"{key} {word!r} is not supported; choose one of {', '.join(known)}")
+            self.complain(line, f"{key} {quoted(word)} is not supported; choose one of {', '.join(known)}")
         return word.lower()
 
     def norm(self, key: str, default: str, known: Sequence[str]) -> AbstractNorm:
@@ -159,18 +162,18 @@ class _Reader:
         line, text = self.entry(section, "range")
         ends = self.numbers(line, text)
         if len(ends) != 2 or not ends[0] <= ends[1] or not np.isfinite(ends).all():
-            self.complain(line, f"a range has a lower and a higher end, not {text}")
+            self.complain(line, f"a range has a lower and a higher end, not {quoted(text)}")
         line, wanted = self.whole(section, "nummfs")
         if f"mf{wanted + 1}" in self.sections[section]:
             self.complain(line, f"NumMFs is {wanted}, but there is an MF{wanted + 1}; correct either")
         members = []
         for number in range(1, wanted + 1):
             line, text = self.entry(section, f"mf{number}")
-            quoted, plain = _SET.fullmatch(text), _PLAIN_SET.fullmatch(text)
-            found = quoted or plain
+            full, plain = _SET.fullmatch(text), _PLAIN_SET.fullmatch(text)
+            found = full or plain
             if not found:
-                self.complain(line, f"{text!r} is not of the form 'label':'kind',[numbers]")
-            label = found[1].replace("''", "'") if quoted else found[1]
+                self.complain(line, f"{quoted(text)} is not of the form 'label':'kind',[numbers]")
+            label = found[1].replace("''", "'") if full else found[1]
             members.append((line, label, found[2].strip(), self.numbers(line, found[3])))
         return name, ends[0], ends[1], members
 
@@ -187,7 +190,7 @@ class _Reader:
         for line, _, kind, numbers in members:
             wanted = {"constant": 1, "linear": inputs + 1}.get(kind)
             if wanted is None:
-                self.complain(line, f"a Sugeno conclusion is constant or linear, not {kind!r}")
+                self.complain(line, f"a Sugeno conclusion is constant or linear, not {quoted(kind)}")
             numbers = _unpadded(numbers, wanted)
             if len(numbers) != wanted or not np.isfinite(numbers).all():
                 self.complain(line, f"{kind} needs {wanted} finite numbers, not {len(numbers)}: {numbers}")
@@ -197,22 +200,22 @@ class _Reader:
 
     def _membership(self, line: int, label: str, kind: str, numbers: list[float]) -> AbstractMembership:
         if kind.lower() not in MEMBERSHIPS:
-            self.complain(line, f"{label!r} is a {kind!r}; jbridge knows {', '.join(MEMBERSHIPS)}")
+            self.complain(line, f"{quoted(label)} is a {quoted(kind)}; jbridge knows {', '.join(MEMBERSHIPS)}")
         wanted = len(dataclasses.fields(MEMBERSHIPS[kind.lower()]))
         try:
             return membership(kind.lower(), _unpadded(numbers, wanted))
         except ValueError as problem:
-            self.complain(line, f"{label!r} {problem}")
+            self.complain(line, f"{quoted(label)} {problem}")
 
     def rule(self, line: int, text: str, inputs: Sequence[Variable], outputs: Sequence[Variable | Conclusions]) -> Rule:
         found = _RULE.fullmatch(text)
         if not found:
-            self.complain(line, f"{text!r} is not of the form `1 2, 1 (1) : 1`")
+            self.complain(line, f"{quoted(text)} is not of the form `1 2, 1 (1) : 1`")
         weight = self.numbers(line, found[3])
         if len(weight) != 1 or not 0.0 <= weight[0] <= 1.0:
-            self.complain(line, f"a weight lies between 0 and 1, not at {found[3]}")
+            self.complain(line, f"a weight lies between 0 and 1, not at {quoted(found[3])}")
         if found[4] not in ("1", "2"):
-            self.complain(line, f"a rule ends in 1 (and) or 2 (or), not in {found[4]}")
+            self.complain(line, f"a rule ends in 1 (and) or 2 (or), not in {quoted(found[4])}")
         before, after = (
             self._clauses(line, self.numbers(line, part), variables)
             for part, variables in ((found[1], inputs), (found[2], outputs))
@@ -231,7 +234,7 @@ class _Reader:
             self.complain(line, f"{len(numbers)} set numbers for {len(variables)} variables")
         clauses = []
         for place, (number, variable) in enumerate(zip(numbers, variables, strict=True)):
-            if number != int(number) or abs(number) > len(variable.labels):
+            if not (abs(number) <= len(variable.labels) and number == int(number)):
                 self.complain(line, f"{variable.name} has no set {number:g}; it has {len(variable.labels)}")
             if number:
                 clauses.append(Clause(place, int(abs(number)) - 1, number < 0))

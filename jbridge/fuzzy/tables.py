@@ -29,6 +29,8 @@ _METHODS = {
     "implication": ("min", "prod"),
     "aggregation": ("max", "sum", "probor"),
 }
+MOST_POINTS = 100_000
+"""Points that a universe may be sampled at; a picture's width has a hundred times fewer."""
 _KEYS = (*_METHODS, "defuzzifier", "points", "matlab", "rules", "weights", "input", "output")
 
 
@@ -48,7 +50,7 @@ def read_system(where: Where, table: Mapping[str, Any]) -> Mamdani:
         norms[key] = NORMS[word(where, key, table.get(key, choices[0]), choices)]()
     defuzzifier = DEFUZZIFIERS[word(where, "defuzzifier", table.get("defuzzifier", "centroid"), DEFUZZIFIERS)]()
     points = table.get("points", POINTS)
-    if isinstance(points, bool) or not isinstance(points, int) or points < 3:
+    if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= MOST_POINTS:
         where.refuse(f"points = {shown(points)} is not a number of points; write it as points = {POINTS}")
     matlab = table.get("matlab", False)
     if not isinstance(matlab, bool):

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .._toml import Where, as_key, as_value, nearest, read_toml, replace_text, shown, word
+from .._files import replace_text
+from .._toml import Where, as_key, as_value, nearest, read_toml, shown, word
 from ..errors import listed, quoted
 from .bridge import Bridge
 from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
@@ -146,10 +147,7 @@ def _read_effect(file: Where, number: int, table: dict[str, Any]) -> AbstractEff
 def _number(where: Where, key: str, value: Any, info: ParameterInfo, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         where.refuse(f"{key} = {shown(value)} is not a number; write it as {key} = 1.5 ({unit})")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
+    number = float(value)
     if not math.isfinite(number):
         where.refuse(f"{key} = {shown(value)} is not a finite number; write it as {key} = 1.5 ({unit})")
     if not info.low <= number <= info.high:

@@ -10,6 +10,8 @@ from jbridge.errors import InputError
 LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig is measured."""
 LEAST_SAMPLES = 50
+SHORTEST = 1e-6
+"""Time between rows [s] that no log of a rig has: times that differ by less come from arithmetic, not from a clock."""
 SLOWEST = 0.5
 """Time between rows [s] that leaves less than three samples of a swing on a rope of 0.5 m."""
 GRAVITY = 9.81
@@ -46,11 +48,18 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
 
 
 def check_times(refuse: Refuse, times: np.ndarray) -> None:
-    """Raises the InputError for the first time that does not come after the one before."""
-    bad = np.diff(times) <= 0
+    """Raises the InputError for the first time that does not come after the one before, by a microsecond or more."""
+    bad = np.diff(times) < SHORTEST
     if bad.any():
         sample = int(bad.argmax()) + 1
         now, before = times[sample], times[sample - 1]
+        if now > before:
+            raise refuse(
+                sample,
+                "t",
+                f"{now - before:.3g} s after the row above, less than a microsecond; delete one of the rows, or declare"
+                ' the unit under [columns]: t = {column = "...", unit = "..."}',
+            )
         what = "is the same as" if now == before else "comes before that of"
         raise refuse(
             sample,

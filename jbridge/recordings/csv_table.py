@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jbridge._files import replace_text
 from jbridge.errors import InputError, listed, quoted
 from jbridge.recordings.table import Table
 
@@ -211,11 +212,4 @@ def save_csv(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) ->
     csv.writer(text, lineterminator="\n").writerow(columns)
     numbers = [np.asarray(values, dtype=np.float64).tolist() for values in columns.values()]
     text.writelines(",".join(map(repr, row)) + "\n" for row in zip(*numbers, strict=True))
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text.getvalue(), encoding="utf-8", newline="")
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
+    replace_text(target, text.getvalue())

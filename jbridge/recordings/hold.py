@@ -107,7 +107,8 @@ def fresh_rows(times: np.ndarray, values: np.ndarray, hold: Hold) -> np.ndarray:
     samples = np.round((ends - times[starts]) / hold.period).astype(int)
     for start, stop, end, count in zip(starts, stops, ends, samples, strict=True):
         if count > 1:
-            moments = times[start] + (end - times[start]) / count * np.arange(1, count)
-            rows = np.searchsorted(times, moments - 1e-9)
-            fresh[rows[rows < stop]] = True
+            # The number of the last sample before each row: a row where it rises carries a new one.
+            spacing = (end - times[start]) / count
+            numbers = np.minimum(np.floor((times[start:stop] - times[start] + 1e-9) / spacing), count - 1)
+            fresh[start + 1 : stop] |= np.diff(numbers) > 0
     return fresh

@@ -12,6 +12,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError, MatReadWarning
 
 from jbridge.errors import InputError
+from jbridge.recordings.mat_format import checked
 from jbridge.recordings.table import Table
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -71,7 +72,7 @@ def load(path: Path, content: bytes) -> dict[str, object]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", MatReadWarning)
-            return dict(loadmat(BytesIO(content), appendmat=False))
+            return dict(loadmat(BytesIO(checked(content)), appendmat=False))
     except NotImplementedError as error:
         raise InputError(f"{path}: cannot be read ({error}); save it in MATLAB with '-v7'") from None
     except (
@@ -106,8 +107,14 @@ def fields(path: Path, name: str, value: object) -> dict[str, object]:
 def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, object]:
     """Returns `t` and the signals of Simulink's "structure with time", each under its label."""
     vectors: dict[str, object] = {"t": struct["time"]}
-    for place, signal in enumerate(struct["signals"].reshape(-1)):
-        label = "".join(np.asarray(signal["label"]).reshape(-1)) if "label" in signal.dtype.names else ""
+    signals = struct["signals"]
+    if not isinstance(signals, np.ndarray) or "values" not in (signals.dtype.names or ()):
+        raise InputError(
+            f"{path}, {name}.signals: no struct with values and label, as Simulink's structure with time has; save"
+            " vectors of numbers with '-v7'"
+        )
+    for place, signal in enumerate(signals.reshape(-1)):
+        label = text(signal["label"]) if "label" in signals.dtype.names else ""
         if not label:
             raise InputError(
                 f"{path}, {name}.signals({place + 1}): the signal has no label; in MATLAB set"
@@ -117,6 +124,11 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
             raise InputError(f"{path}, column {label}: two signals of {name} have this label; rename one")
         vectors[label] = signal["values"]
     return vectors
+
+
+def text(value: object) -> str:
+    """Returns what an array of characters spells; nothing where it is no such array."""
+    return "".join(value.reshape(-1)) if isinstance(value, np.ndarray) and value.dtype.kind == "U" else ""
 
 
 def why_unusable(value: object) -> str:

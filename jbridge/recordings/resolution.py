@@ -23,6 +23,10 @@ def estimate_resolution(values: np.ndarray) -> float:
     >>> estimate_resolution(np.round(np.sin(np.arange(500.0)) / 0.01) * 0.01)
     0.01
     """
+    largest = float(np.abs(values).max(initial=0.0))
+    # A power of two takes the unit out exactly, so that no value is too small or too large for what follows.
+    exponent = int(np.frexp(largest)[1])
+    values = np.ldexp(values, -exponent)
     distinct = np.unique(values)
     if distinct.size < 2:
         return 0.0
@@ -36,7 +40,7 @@ def estimate_resolution(values: np.ndarray) -> float:
         spacing = spacing_of_few(distinct, changes=int(np.count_nonzero(np.diff(values))))
     else:
         spacing = spacing_of_many(distinct)
-    return refined(distinct, spacing) if spacing else 0.0
+    return float(f"{np.ldexp(refined(distinct, spacing), exponent):.6g}") if spacing else 0.0
 
 
 def spacing_of_few(distinct: np.ndarray, changes: int) -> float:
@@ -79,4 +83,4 @@ def refined(distinct: np.ndarray, spacing: float) -> float:
         if numbers[-1] > 0:
             slope = np.polyfit(numbers, near, 1)[0]
             spacing = float(slope) if abs(slope / spacing - 1) < 0.2 else spacing
-    return float(f"{spacing:.6g}")
+    return spacing

@@ -12,7 +12,6 @@ What fits a recording is put together, key by key: patterns first, then its own 
 """
 
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -20,6 +19,7 @@ from fnmatch import fnmatchcase
 from math import isfinite
 from pathlib import Path
 
+from jbridge._toml import read_tables
 from jbridge.errors import InputError, listed, quoted
 from jbridge.recordings.columns import CHANNELS, UNITS, Column, plain_column
 from jbridge.recordings.recording import INPUTS, MEASURED
@@ -97,7 +97,7 @@ def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
     beside = [file for file in dict.fromkeys((folder, own)) if file.is_file()]
     found = Sidecar()
     for file in beside if given is None else [given]:
-        document = read_toml(file)
+        document = read_tables(file, "sidecar")
         whole = given is not None or file == own
         if whole and not is_folder_file(file, document):
             layers = [(Where(str(file)), document)]
@@ -106,17 +106,6 @@ def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
         for layer in layers:
             found = parse_sidecar(*layer).over(found)
     return found
-
-
-def read_toml(path: Path) -> dict[str, object]:
-    try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
-    except (ValueError, RecursionError) as error:  # besides syntax: a number too long, brackets too deep
-        raise InputError(f"{path}: not TOML ({error}); correct that line") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def is_folder_file(path: Path, document: Mapping[str, object]) -> bool:

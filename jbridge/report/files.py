@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from .._files import replacing
 from ..errors import InputError
 
 PathLike = str | os.PathLike[str]
@@ -36,15 +37,9 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     make_folder(path.parent)
-    try:
+    with replacing(path) as part:
         part.write_bytes(content)
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, content: str) -> None:

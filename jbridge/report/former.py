@@ -1,8 +1,8 @@
 """What an earlier report left open, for a diagnosis that goes on from it."""
 
-import json
 from pathlib import Path
 
+from .._files import read_json
 from ..diagnosis.result import Former
 from ..errors import InputError
 from .as_json import SCHEMA
@@ -19,12 +19,12 @@ def load_former(folder: PathLike) -> Former:
     """
     path = Path(folder) / "report.json"
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
+        report = read_json(path)
     except FileNotFoundError:
         raise InputError(f"{path}: no report to go on from; {_FIRST}") from None
     except (OSError, ValueError):
         raise InputError(f"{path}: not a report that can be read; {_FIRST}") from None
-    if not isinstance(report, dict) or report.get("schema") != SCHEMA or not isinstance(report.get("effects"), list):
+    if report.get("schema") != SCHEMA or not isinstance(report.get("effects"), list):
         raise InputError(f"{path}: not the report of a diagnosis; {_FIRST}")
     rows = []
     try:

@@ -1,12 +1,12 @@
 """The paper's figures and tables, from saved data."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .._files import read_json
 from ..control.paper import ERROR_RANGE, cart_system, hoist_system
 from ..errors import InputError
 from ..fuzzy.inference import Mamdani
@@ -43,7 +43,7 @@ def save_paper(folder: PathLike, data: PathLike) -> tuple[Path, ...]:
     """
     target = Path(folder)
     try:
-        saved = json.loads(Path(data).read_text(encoding="utf-8"))
+        saved = read_json(Path(data))
     except FileNotFoundError:
         raise InputError(f"{data}: no such file; run python experiments/paper/run.py first") from None
     except OSError as problem:
@@ -51,8 +51,6 @@ def save_paper(folder: PathLike, data: PathLike) -> tuple[Path, ...]:
         raise InputError(f"{data}: {reason}; give the file that experiments/paper/run.py saved") from None
     except ValueError:
         raise InputError(f"{data}: not the data of experiments/paper/run.py; run it again") from None
-    if not isinstance(saved, dict):
-        raise InputError(f"{data}: not the data of experiments/paper/run.py; run it again")
     missing = [key for key in _SOUGHT if key not in saved]
     if missing:
         raise InputError(f"{data}: has no {', '.join(missing)}; run python experiments/paper/run.py to its end")

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from .._toml import replace_text
+from .._files import create_text, read_json, replace_text, replacing
 from ..errors import InputError
 from ..model.parameters import ParameterTable
 from ..summaries import UNITS
@@ -91,12 +91,12 @@ def read_sweep(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """The results of a sweep, a column for each parameter and summary, in the order of the points.
 
     Raises:
-        InputError: there are none.
+        InputError: there are none, or a file is damaged.
     """
     parts = sorted(Path(folder).glob("part-*.parquet"))
     if not parts:
         raise InputError(f"{folder}: holds no results of a sweep; run jbridge sweep SPEC.toml --out {folder}")
-    whole = pa.concat_tables([pq.read_table(part) for part in parts])
+    whole = pa.concat_tables([_read(part) for part in parts])
     return {name: whole.column(name).to_numpy() for name in whole.column_names}
 
 
@@ -117,16 +117,17 @@ def _claim(folder: Path, question: Sweep) -> None:
     mark = folder / "question.json"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if mark.exists():
-            found = json.loads(mark.read_text(encoding="utf-8")).get("identity")
-            if found != question.identity:
-                raise InputError(
-                    f"{folder}: holds the results of another sweep; choose another --out, or delete this folder"
-                )
-            return
-        if any(folder.glob("part-*.parquet")):
-            raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
-        replace_text(mark, json.dumps(_about(question), indent=1) + "\n")
+        if not mark.exists():
+            if any(folder.glob("part-*.parquet")):
+                raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
+            create_text(mark, json.dumps(_about(question), indent=1) + "\n")
+        # Another sweep may have claimed the folder at the same moment.
+        if read_json(mark).get("identity") != question.identity:
+            raise InputError(
+                f"{folder}: holds the results of another sweep; choose another --out, or delete this folder"
+            )
+    except ValueError:
+        raise InputError(f"{mark}: damaged; choose another --out, or delete this folder") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
 
@@ -167,10 +168,16 @@ def _compute(rollouts: Rollouts, question: Sweep, folder: Path, number: int) -> 
     table = pa.table(columns | found)
     about = {"jbridge": json.dumps(_about(question))}
     part = _part(folder, number)
-    partial = part.with_name(f".{part.name}.{os.getpid()}.part")
-    pq.write_table(table.replace_schema_metadata(about), partial)
-    os.replace(partial, part)
+    with replacing(part) as partial:
+        pq.write_table(table.replace_schema_metadata(about), partial)
     return len(rows)
+
+
+def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
+    try:
+        return pq.read_table(part, columns=columns)
+    except (OSError, pa.ArrowException):
+        raise InputError(f"{part}: damaged; delete it and call the sweep again, which computes it anew") from None
 
 
 def _meet() -> None:
@@ -185,17 +192,15 @@ def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
     """Counts and lists the failures."""
     failed = 0
     names = ["index", *(axis.name for axis in question.design.axes)]
-    partial = folder / f".failures.csv.{os.getpid()}.part"
-    with open(partial, "w", newline="", encoding="utf-8") as file:
+    with replacing(folder / "failures.csv") as partial, open(partial, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         for number in range(chunks):
-            table = pq.read_table(_part(folder, number), columns=[*names, "sound"])
+            table = _read(_part(folder, number), [*names, "sound"])
             bad = np.flatnonzero(~table.column("sound").to_numpy())
             for row in bad[: max(_LISTED - failed, 0)]:
                 writer.writerow([table.column(name)[int(row)].as_py() for name in names])
             failed += len(bad)
-    os.replace(partial, folder / "failures.csv")
     replace_text(folder / "sweep.json", json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
     return failed
 

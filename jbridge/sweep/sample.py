@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-KINDS = ("grid", "random", "latin", "sobol")
+KINDS = {"grid": 2**40, "random": 2**40, "latin": 10**7, "sobol": 2**30}
+"""Most points of each kind: a Latin hypercube orders all of them at once, and Sobol's sequence has 30 bits."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +31,11 @@ class Axis:
         return self.low + (self.high - self.low) * share
 
     @property
+    def size(self) -> int:
+        """Number of values on a grid."""
+        return len(self.values) or self.count
+
+    @property
     def ticks(self) -> NDArray[np.float64]:
         """Values on a grid."""
         return np.array(self.values) if self.values else self.at(np.linspace(0.0, 1.0, self.count))
@@ -49,7 +55,7 @@ class Design:
         """Parameter values of some points, `(point, axis)`; the same whichever stretch is asked for."""
         stop = min(stop, self.count)
         if self.kind == "grid":
-            shape = [len(axis.ticks) for axis in self.axes]
+            shape = [axis.size for axis in self.axes]
             index = np.unravel_index(np.arange(start, stop), shape)
             return np.stack([axis.ticks[i] for axis, i in zip(self.axes, index, strict=True)], axis=1)
         return np.stack([axis.at(u) for axis, u in zip(self.axes, self._shares(start, stop).T, strict=True)], axis=1)

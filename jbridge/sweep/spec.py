@@ -18,13 +18,20 @@ from ..control.references import PAPER_POINTS, REST, SPEED
 from ..errors import quoted
 from ..model.files import Model, load_model, requires
 from ..model.parameters import ParameterTable
+from ..signals import MOST_ENTRIES
 from .sample import KINDS, Axis, Design
 
 CHUNK = 4096
 """Rollouts in a chunk where nothing is said."""
+LARGEST_CHUNK = 2**20
+"""Rollouts whose states fit into the memory of one machine together."""
+MOST_TICKS = 10**6
+"""Values of one parameter on a grid."""
 _KEYS = ("model", "controller", "reference", "sample", "vary", "chunk", "precision")
 _REFERENCE = ("x", "l", "speed_x", "speed_l", "rest")
 _CONTROLLER = ("cart_scale", "hoist_scale", "filter")
+_LARGEST = 1e6
+"""Beyond this in SI units nothing on a laboratory rig makes sense, as in recordings."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,16 +91,20 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         InputError: naming the file, the key and what to do.
     """
     document = read_toml(Path(path), "sweep", 'model = "model.toml" and the tables [sample] and [[vary]]')
-    file, folder = Where(str(path)), Path(path).parent
+    file = Where(str(path))
     file.check_keys(document, _KEYS, "key")
     if not isinstance(document.get("model"), str):
         file.refuse('no model; add model = "model.toml"')
-    model = load_model(folder / document["model"])
+    model = load_model(file.beside(Path(path), "model", document["model"]))
     requires(model, ("x", "psi", "l"))
     given = document.get("controller")
     if given is not None and not isinstance(given, str):
         file.refuse('controller is not the name of a file; write it as controller = "fuzzy.toml"')
-    controller = Controller(paper_controller()) if given is None else load_controller(folder / given)
+    controller = (
+        Controller(paper_controller())
+        if given is None
+        else load_controller(file.beside(Path(path), "controller", given))
+    )
     if controller.shaping is not None:
         file.refuse(f"{controller.source} shapes its reference, which sweeps do not; take [shaping] out of it")
     start, goal, speed, rest = _reference(file, document.get("reference", {}))
@@ -104,24 +115,32 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         where.refuse("sample is not a table; write [sample] on a line of its own")
     where.check_keys(sample, ("kind", "count", "seed"), "key")
     kind = word(where, "kind", sample.get("kind"), KINDS)
-    seed = _whole(where, "seed", sample.get("seed", 0), 0)
+    seed = _whole(where, "seed", sample.get("seed", 0), 0, 2**40)
     if kind == "grid":
         if "count" in sample:
             where.refuse("a grid has as many points as its [[vary]] tables say; delete count")
         for number, axis in enumerate(axes, start=1):
             if not axis.values and axis.count < 1:
                 file.within(f"[[vary]] {number}").refuse("a grid needs values = [...] or count; add one")
-        count = math.prod(len(axis.ticks) for axis in axes)
+        count = math.prod(axis.size for axis in axes)
+        if count > KINDS[kind]:
+            where.refuse(f"the grid has {count:.3g} points, more than {KINDS[kind]:.3g}; give fewer values")
     else:
-        count = _whole(where, "count", sample.get("count"), 1)
+        count = _whole(where, "count", sample.get("count"), 1, KINDS[kind])
         for number, axis in enumerate(axes, start=1):
             if axis.values or axis.count:
                 file.within(f"[[vary]] {number}").refuse(f"values and count belong to a grid; delete them for {kind}")
     design = Design(kind, axes, count, seed)
-    chunk = _whole(file, "chunk", document.get("chunk", CHUNK), 1)
+    chunk = _whole(file, "chunk", document.get("chunk", CHUNK), 1, LARGEST_CHUNK)
     precision = word(file, "precision", document.get("precision", "float64"), ("float64", "float32"))
     text = Path(path).read_text(encoding="utf-8-sig")
-    return Sweep(model, controller, start, goal, speed, rest, design, chunk, precision, text)
+    sweep = Sweep(model, controller, start, goal, speed, rest, design, chunk, precision, text)
+    longest = MOST_ENTRIES * controller.period
+    if not sweep.seconds <= longest:
+        file.refuse(
+            f"a run takes up to {sweep.seconds:.3g} s, more than {longest:.3g} s; raise the speeds or shorten the rest"
+        )
+    return sweep
 
 
 def _reference(file: Where, table: Any) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float], float]:
@@ -147,10 +166,11 @@ def _is_number(value: Any) -> bool:
     return not isinstance(value, bool) and isinstance(value, int | float) and abs(value) < 1e9
 
 
-def _whole(where: Where, key: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value < 2**40:
+def _whole(where: Where, key: str, value: Any, least: int, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
         where.refuse(
-            f"{key} = {shown(value)} is not a whole number from {least}; write it as {key} = {max(least, 1000)}"
+            f"{key} = {shown(value)} is not a whole number from {least} to {most};"
+            f" write it as {key} = {max(least, 1000)}"
         )
     return value
 
@@ -163,6 +183,15 @@ def variable_names(model: Model, controller: Controller) -> tuple[str, ...]:
         *(f"controller.{key}" for key in _CONTROLLER),
         *(f"reference.{key}" for key in _REFERENCE),
     )
+
+
+def _possible(name: str) -> tuple[float, float]:
+    """The least and the largest value of what is varied; a plant may be one that no rig is."""
+    if name == "reference.rest":
+        return 0.0, _LARGEST
+    if name != "reference.x" and name.startswith(("reference.", "controller.")):
+        return 1 / _LARGEST, _LARGEST  # lengths, speeds, scales and a time constant
+    return -_LARGEST, _LARGEST
 
 
 def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tuple[Axis, ...]:
@@ -184,9 +213,13 @@ def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tup
         low, high = table.get("low", min(values, default=None)), table.get("high", max(values, default=None))
         if not _is_number(low) or not _is_number(high) or low > high:
             where.refuse("low and high are not the ends of a range; write low = 0.1 and high = 0.2")
+        least, most = _possible(name)
+        lowest, highest = min([low, *values]), max([high, *values])
+        if not least <= lowest <= highest <= most:
+            where.refuse(f"{name} cannot go from {lowest:g} to {highest:g}; stay within {least:g} to {most:g}")
         logarithmic = table.get("log", False)
         if not isinstance(logarithmic, bool) or (logarithmic and low <= 0):
             where.refuse("log = true needs a range of positive numbers; correct low, or delete log")
-        count = _whole(where, "count", table.get("count", 0), 0)
+        count = _whole(where, "count", table.get("count", 0), 0, MOST_TICKS)
         axes.append(Axis(name, float(low), float(high), count, tuple(map(float, values)), logarithmic))
     return tuple(axes)

@@ -69,6 +69,11 @@ def test_fuzzy_systems_may_lie_in_files_of_their_own(tmp_path):
         (("cart_scale", "cart_scales"), "unknown key 'cart_scales'; did you mean 'cart_scale'"),
         (('aggregation = "max"', 'aggregation = "mean"'), "unknown aggregation 'mean'"),
         (("points = 101", "points = 1"), "points = 1 is not a number of points"),
+        (("points = 101", "points = 1000000000"), "points = 1000000000 is not a number of points"),
+        (("period = 0.02", "period = 1e-300"), "period = 1e-300 s is not from 0.0001 to 1"),
+        (("period = 0.02", f"period = {'[' * 5000}"), "nested more than 20 deep"),
+        (("period = 0.02", "period = 0.02\nx." + "a." * 50 + "b = 1"), "'x.a.a.*nested more than 20 deep"),
+        (("period = 0.02", "period = 36893488147419103232"), "'period': an integer of more than 64 bits"),
         (("if error is NB then voltage is NB", "if error is NB then voltage"), r"\[cart\]: rules\[0\]: .*expected"),
         (("if error is ZE", "if mistake is ZE"), "'mistake' is none of error, velocity, angle"),
         (
@@ -100,6 +105,11 @@ FIS_ERRORS = [
     (("1 0 0, 1 (1.0) : 1", "1 0 0, 1 (1.5) : 1"), "a weight lies between 0 and 1"),
     (("[Rules]", "Rules]"), "is neither a"),
     (("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
+    (("NumInputs=3", "NumInputs=²"), "numinputs is '²', where the number of those in the file belongs"),
+    (("NumInputs=3", "NumInputs=1000000000"), "numinputs is '1000000000', where the number"),
+    (("NumOutputs=1", "NumOutputs=1" + 5000 * "0"), "numoutputs is '1000.*', where the number"),
+    (("NumMFs=5", "NumMFs=99999"), "nummfs is '99999', where the number"),
+    (("1 0 0, 1 (1.0) : 1", f"1{400 * '0'} 0 0, 1 (1.0) : 1"), "error has no set inf; it has 5"),
 ]
 
 
@@ -140,6 +150,9 @@ def test_the_papers_reference():
         ("points = [[0.0, 0.3], [1.0, 0.2]]\nspeed = [0.0, 1.0]", "is not positive"),
         ("points = [[0.0, 0.3], [1.0, 0.2]]\nrest = -1", "rest = -1 is not a time"),
         ("point = [[0.0, 0.3], [1.0, 0.2]]", "unknown key 'point'; did you mean 'points'"),
+        ("points = [[0.0, 0.3], [1.0, 0.2]]\nrest = 999999.0", "takes 1e.06 s, more than 1,000,000 entries of 0.02 s"),
+        ("points = [[0.0, 0.3], [1.0, 0.2]]\nspeed = [1e-300, 0.1]", "takes .* s, more than 1,000,000 entries"),
+        ("points = [[0.0, 0.3], [1.0, 0.2]]\nspeed = [5e-324, 5e-324]", "takes inf s, more than 1,000,000 entries"),
     ],
 )
 def test_what_is_wrong_with_a_reference_is_said(tmp_path, text, complaint):

@@ -37,7 +37,7 @@ def test_any_controller_comes_back(tmp_path, seed):
         scales = as_number(rng.lognormal()), as_number(rng.lognormal())
         given = Compensation(*map(as_number, rng.lognormal(size=6))) if rng.random() < 0.5 else None
         law = FuzzyController(cart, hoist, *scales, compensation=given, relative_speed=bool(rng.random() < 0.5))
-        save_controller(tmp_path / "c.toml", Controller(law, float(rng.lognormal())))
+        save_controller(tmp_path / "c.toml", Controller(law, float(rng.uniform(1e-4, 1.0))))
         assert eqx.tree_equal(load_controller(tmp_path / "c.toml").law, law)
 
 
@@ -103,6 +103,8 @@ def test_what_a_file_cannot_hold_is_not_written(tmp_path):
     ):
         with pytest.raises(InputError, match=complaint):
             save_controller(tmp_path / "none.toml", Controller(broken))
+    with pytest.raises(InputError, match="the period is nan s, which is not from 0.0001 to 1"):
+        save_controller(tmp_path / "none.toml", Controller(law, np.nan))
     assert not list(tmp_path.iterdir())
 
 

@@ -1,13 +1,14 @@
 """MATLAB files give what the same columns in a CSV give; what is no vector is refused with a way out."""
 
 import struct
+import zlib
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 from jbridge.errors import InputError
-from jbridge.recordings import load_recording
+from jbridge.recordings import load_recording, mat_format
 
 
 @pytest.fixture
@@ -79,6 +80,24 @@ def test_structure_with_time(save, columns):
 def test_a_signal_needs_a_label(save, columns):
     path = save({"simout": structure_with_time(columns, {"x": ""})})
     with pytest.raises(InputError, match=r"run\.mat, simout\.signals\(3\): .* no label.*label = 'x'"):
+        load_recording(path)
+
+
+@pytest.mark.parametrize(
+    "label",
+    [3.0, np.array(["a", 1.0], dtype=object), {"name": "x"}, np.zeros((2, 0))],
+    ids=["number", "cell", "struct", "empty"],
+)
+def test_a_label_that_is_no_text_is_none(save, columns, label):
+    path = save({"simout": structure_with_time(columns, {"x": label})})
+    with pytest.raises(InputError, match=r"run\.mat, simout\.signals\(3\): .* no label.*label = 'x'"):
+        load_recording(path)
+
+
+@pytest.mark.parametrize("signals", [3.0, "x", {"label": "x"}, np.array([1, "a"], dtype=object)], ids=str)
+def test_signals_that_are_no_struct_are_refused(save, columns, signals):
+    path = save({"simout": {"time": columns["t"], "signals": signals}})
+    with pytest.raises(InputError, match=r"run\.mat, simout\.signals: no struct with values and label.*'-v7'"):
         load_recording(path)
 
 
@@ -206,6 +225,68 @@ def test_what_is_no_mat_is_refused(write, content):
 def test_an_empty_file_is_refused(write):
     with pytest.raises(InputError, match=r"run\.mat: the file is empty"):
         load_recording(write(b"", name="run.mat"))
+
+
+DAMAGED = {
+    "type of the flags": (136, 201, "type 201 at byte 8"),
+    "unknown class": (144, 99, "unknown class 99"),
+    "a cell": (144, 1, "no whole array at byte 48"),
+    "a struct": (144, 2, "where 5 belongs"),
+    "size of the dimensions": (156, 400, "no 2 to 32 integers"),
+    "more rows": (160, 2**28, "numbers at byte"),
+    "no rows": (160, 0, "no 0 numbers"),
+    "negative rows": (160, 2**32 - 1, "a dimension below 0"),
+    "size of the name": (168, 30 << 16 | 1, "30 bytes in a tag of 4"),
+    "type of the name": (168, 1 << 16 | 9, "type 9"),
+    "type of the numbers": (176, 14, "no 400 numbers"),
+    "size of the numbers": (180, 2**31, "cut short"),
+    "fewer numbers": (180, 8, "no 400 numbers"),
+}
+"""Place of a word in the first variable, what stands there instead, what is said. Some of these end SciPy's reader."""
+
+
+@pytest.mark.parametrize(("place", "word", "needle"), DAMAGED.values(), ids=DAMAGED)
+@pytest.mark.parametrize("packed", [False, True], ids=["plain", "compressed"])
+def test_damaged_structure_is_refused(save, columns, place, word, needle, packed):
+    path = save(columns)
+    content = bytearray(path.read_bytes())
+    content[place : place + 4] = struct.pack("<I", word)
+    if packed:
+        first = 136 + struct.unpack_from("<I", content, 132)[0]
+        body = zlib.compress(content[128:first])
+        content[128:first] = struct.pack("<II", 15, len(body)) + body
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"run\.mat: not a MATLAB file, or a damaged one") as caught:
+        load_recording(path)
+    assert needle in str(caught.value)
+
+
+def test_deep_cells_are_refused(save, columns):
+    deep = np.zeros(1)
+    for _ in range(40):
+        cell = np.empty(1, dtype=object)
+        cell[0] = deep
+        deep = cell
+    with pytest.raises(InputError, match=r"run\.mat: .*more than 32 cells or structs within each other"):
+        load_recording(save({**columns, "deep": deep}))
+
+
+def test_a_small_file_that_unpacks_to_a_large_one_is_refused(save, columns, monkeypatch):
+    monkeypatch.setattr(mat_format, "LARGEST", 10_000)
+    with pytest.raises(InputError, match=r"run\.mat: .*more than 10000 bytes once decompressed"):
+        load_recording(save({**columns, "zeros": np.zeros(100_000)}, do_compression=True))
+
+
+def test_the_other_byte_order_is_read(write, columns):
+    def element(code: int, content: bytes) -> bytes:
+        return struct.pack(">II", code, len(content)) + content + bytes(-len(content) % 8)
+
+    content = b"MATLAB 5.0 MAT-file, written for a test".ljust(124) + b"\x01\x00MI"
+    for name, values in columns.items():
+        flags, shape = struct.pack(">II", 6, 0), struct.pack(">ii", 1, values.size)
+        parts = (6, flags), (5, shape), (1, name.encode()), (9, values.astype(">f8").tobytes())
+        content += element(14, b"".join(element(*part) for part in parts))
+    assert same(load_recording(write(content, name="run.mat")), columns)
 
 
 def test_damaged_files_are_refused(save, columns):

@@ -67,6 +67,20 @@ def test_nothing_is_found_where_there_is_no_grid(values):
     assert estimate_resolution(values) == 0.0
 
 
+@pytest.mark.parametrize("unit", [1e-300, 1e-12, 1e12, 1e300])
+def test_a_count_does_not_depend_on_the_unit(unit):
+    readings = np.round(0.1 * np.sin(2 * T) / 1e-3) * 1e-3
+    assert estimate_resolution(readings * unit) == pytest.approx(1e-3 * unit, rel=1e-5)
+
+
+@pytest.mark.parametrize("scale", [1e-310, 1e-300, 1e300, 1.7e308])
+@pytest.mark.parametrize("spread", [1.0, 1e-9, 1e-290], ids=str)
+def test_values_of_extreme_size_have_a_finite_count(scale, spread):
+    """Neither the inverse of the smallest values nor the span of the largest is a finite number."""
+    values = scale * np.random.default_rng(0).uniform(-1.0, 1.0, 300) * np.geomspace(spread, 1.0, 300)
+    assert 0.0 <= estimate_resolution(values) < scale
+
+
 def test_what_is_found_is_said_in_si(write, columns):
     columns["x"] = np.round(columns["x"] / 1e-4) * 0.1  # the file is in mm
     recording = load_recording(write(columns, '[columns]\nx = {unit = "mm"}\n'))

@@ -188,14 +188,15 @@ def test_a_sidecar_can_lie_elsewhere(write, columns, tmp_path, form):
 
 
 def test_a_missing_sidecar_elsewhere_is_refused(write, columns, tmp_path):
-    with pytest.raises(InputError, match=r"absent\.toml: cannot be read"):
+    with pytest.raises(InputError, match=r"absent\.toml: no such file"):
         load_recording(write(columns), sidecar=tmp_path / "absent.toml")
 
 
 REFUSED = {
     "not TOML": ("x = = 1", ["not TOML", "line 1"]),
     "a number too long": ("[override]\nload_mass = 1" + 5000 * "0", ["not TOML"]),
-    "too deep": ("x = " + 5000 * "[", ["not TOML"]),
+    "too deep": ("x = " + 5000 * "[", ["nested more than 20 deep"]),
+    "tables too deep": ("[" + "a." * 5000 + "b]\nc = 1", ["nested more than 20 deep"]),
     "a key twice": ("[trim]\nstart = 1\nstart = 2", ["not TOML", "overwrite"]),
     "unknown section": ("[colums]\nx = 'cart'", ["unknown key 'colums'", "columns"]),
     "a model": ("[bridge]\ncart_mass = 5", ["unknown key 'bridge'", "known are columns, hold"]),
@@ -223,7 +224,7 @@ REFUSED = {
     "resolution of text": ("[resolution]\nx = 'fine'", ["[resolution]", "x must be a number"]),
     "unknown parameter": ("[override]\nload_mas = 1", ["[override]", "'load_mas'", "load_mass"]),
     "infinite parameter": ("[override]\nload_mass = inf", ["[override]", "load_mass must be finite"]),
-    "parameter beyond floats": ("[override]\nload_mass = 1" + 400 * "0", ["load_mass must be finite"]),
+    "parameter beyond floats": ("[override]\nload_mass = 1" + 400 * "0", ["override.load_mass'", "64 bits"]),
     "unknown trim": ("[trim]\nend = 1", ["[trim]", "unknown key 'end'", "start, stop"]),
     "trim to nothing": ("[trim]\nstart = 1\nstop = 1", ["[trim]", "start = 1", "stop = 1"]),
     "trim leaves too little": ("[trim]\nstart = 1.8", ["40 samples", "[trim]", "0 to 1.995 s"]),
@@ -280,7 +281,7 @@ def test_a_folders_file_is_refused(write, columns, folder, needles):
 
 def test_a_sidecar_in_another_encoding_is_refused(write, columns, tmp_path):
     (tmp_path / "run.toml").write_bytes("# Höhe\n".encode("latin-1"))
-    with pytest.raises(InputError, match=r"run\.toml: not UTF-8 text"):
+    with pytest.raises(InputError, match=r"run\.toml: not text in UTF-8"):
         load_recording(write(columns))
 
 

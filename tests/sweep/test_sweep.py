@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import pathlib
 import socket
 import subprocess
 import sys
@@ -202,12 +203,57 @@ def test_failures_are_counted_and_listed(spec, tmp_path):
         (("chunk = 8", "lump = 8"), "unknown key 'lump'; choose among"),
         (("[0.3, 0.5]", "[0.3]"), r"goal = \[0.3\] is not a pair"),
         (('kind = "latin"\ncount = 20', 'kind = "grid"'), "a grid needs values"),
+        (('"model.toml"', '"../model.toml"'), "'../model.toml' does not lie beside this file"),
+        (('"model.toml"', '"/etc/model.toml"'), "'/etc/model.toml' does not lie beside this file"),
+        (('"model.toml"', '"model.toml"\ncontroller = "a/../../c.toml"'), "'a/../../c.toml' does not lie beside"),
+        (("chunk = 8", "chunk = 1048577"), "chunk = 1048577 is not a whole number from 1 to 1048576"),
+        (("count = 20", "count = 10000001"), "count = 10000001 is not a whole number from 1 to 10000000"),
+        (("seed = 5", "seed = 18446744073709551616"), "'sample.seed': an integer of more than 64 bits"),
+        (("rest = 2.0", "rest = 1e8"), r"a run takes up to 1e\+08 s, more than 2e\+04 s; raise the speeds or shorten"),
+        (("rest = 2.0", "speed = [1e-6, 0.2]"), "a run takes up to 5.*e.05 s"),
+        (("low = 2.0", "low = 0.0"), "controller.cart_scale cannot go from 0 to 4; stay within 1e-06 to"),
     ],
 )
 def test_what_is_wrong_with_a_specification_is_said(spec, change, complaint):
     spec.write_text(SPEC.replace(*change))
     with pytest.raises(InputError, match=complaint):
         load_sweep(spec)
+
+
+def test_a_grid_of_more_points_than_can_be_counted_is_refused(spec):
+    text = SPEC.replace('kind = "latin"\ncount = 20', 'kind = "grid"').replace("high", "count = 1000000\nhigh")
+    spec.write_text(text)
+    with pytest.raises(InputError, match=r"the grid has 1e\+18 points, more than 1.1e\+12; give fewer values"):
+        load_sweep(spec)
+
+
+def test_of_two_sweeps_that_claim_a_folder_at_once_one_is_refused(done, spec, monkeypatch):
+    """The other one finds no mark, and before it writes its own there is one."""
+    folder, _, _ = done
+    spec.write_text(SPEC.replace("seed = 5", "seed = 6"))
+    exists = pathlib.Path.exists
+    monkeypatch.setattr(pathlib.Path, "exists", lambda path: path.name != "question.json" and exists(path))
+    monkeypatch.setattr(pathlib.Path, "glob", lambda path, pattern: iter(()))
+    with pytest.raises(InputError, match="results of another sweep; choose another --out"):
+        run_sweep(load_sweep(spec), folder / "out")
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[]", b"[" * 100_000, b"\xff"], ids=["empty", "cut", "list", "deep", "bytes"]
+)
+def test_a_damaged_mark_is_refused(spec, tmp_path, content):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "question.json").write_bytes(content)
+    with pytest.raises(InputError, match="question.json: damaged; choose another --out, or delete this folder"):
+        run_sweep(load_sweep(spec), tmp_path / "out")
+
+
+def test_a_damaged_part_is_refused(done, tmp_path):
+    folder, _, _ = done
+    for part in (folder / "out").glob("part-*.parquet"):
+        (tmp_path / part.name).write_bytes(part.read_bytes()[:-100])
+    with pytest.raises(InputError, match="part-000000.parquet: damaged; delete it"):
+        read_sweep(tmp_path)
 
 
 def _command(spec, out, port, process):
