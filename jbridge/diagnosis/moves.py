@@ -69,7 +69,13 @@ def added(
     best: dict[Name, tuple[float, Candidate, Start]] = {}
     for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
         best.setdefault(found[1].name, found)
-    chosen = list(best.values())[: CRITERIA.refitted]
+    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+
+    def price(candidate: Candidate, free: NDArray[np.int64]) -> float:
+        return unit * min(len(free) - len(there.free), 2 * len(candidate.free)) + choice[candidate.name]
+
+    # Of two that meet the recordings as well, the one with fewer numbers comes first.
+    chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
@@ -80,13 +86,10 @@ def added(
     *fitted, without = low.solve(space.engine, [*begun, short.start], _TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, _better(part, space, [start for _, _, start in chosen], after), _TRIAL)
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     order = []
     for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
-        numbers = min(len(point.free) - len(there.free), 2 * len(candidate.free))
-        price = unit * numbers + choice[candidate.name]
-        gains = there.value - point.value, without.value - short_point.value
-        order.append(_Tried(candidate, point, (gains[0] - price, gains[1] - price)))
+        gains, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
+        order.append(_Tried(candidate, point, (gains[0] - cost, gains[1] - cost)))
     order.sort(key=lambda tried: -tried.promise)
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
     first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
