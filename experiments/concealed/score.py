@@ -177,6 +177,14 @@ def holdout(report: dict, when: str) -> float | None:
     return math.sqrt(sum(r * r for r in ratios) / len(ratios)) if ratios else None
 
 
+def nested(report: dict) -> dict:
+    """How many models with an effect more were fitted, how many of them ended worse than the model that they contain,
+    and how many would have, had they not been fitted again from there."""
+    trials = [t for t in report.get("trials", []) if t["change"] == "added"]
+    worse = sum(t["gain"] < -1e-6 for t in trials)
+    return {"larger": len(trials), "worse": worse, "restarted": sum(t.get("restarted", False) for t in trials)}
+
+
 def score(truth: dict, report: dict | None, mean_length: float | None = None) -> dict:
     """One row of the proof's table.
 
@@ -216,7 +224,7 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "in_set": bool(named) and bool(({named[0]} | rivals) & everything),
         "set_right": len(pairs) == len(wanted) == len(named),
         "probability": effects[0].get("probability") if effects else None, "before": before, "after": after,
-        "seconds": report.get("seconds"), "placed": placed(truth, report),
+        "seconds": report.get("seconds"), "placed": placed(truth, report), **nested(report),
     }  # fmt: skip
     if before is not None and after is not None and before > 1.0:
         row["gap_closed"] = (before - after) / (before - 1.0)

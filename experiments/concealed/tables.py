@@ -98,12 +98,21 @@ def summary(rows: list[dict]) -> list[tuple[str, str, str]]:
         ("the rig's own numbers, median error", "<= 5 %", _percent(rig_errors)),
         ("the rig's own numbers, 95 % intervals that cover", "92-98 %", _percent(rig_covered, middle=False)),
         ("hold-out gap closed, median", ">= 95 %", _percent(gaps)),
+        ("models with one effect more that ended worse than without it", "0", _nested(rows, "worse")),
+        ("the same, before they were fitted again from there", "<= 1 %", _nested(rows, "restarted")),
         (
             "seconds per case, median (longest)",
             "<= 60 s",
             f"{median(seconds):.0f} ({max(seconds):.0f})" if seconds else "none",
         ),
     ]
+
+
+def _nested(rows: list[dict], key: str) -> str:
+    """Share of all models with one effect more; of rows that count them."""
+    counted = [r for r in rows if r.get("larger")]
+    total, some = sum(r["larger"] for r in counted), sum(r[key] for r in counted)
+    return f"{100 * some / total:.1f} % ({some}/{total})" if counted else "none"
 
 
 def misses(rows: list[dict]) -> list[str]:

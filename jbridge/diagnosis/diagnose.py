@@ -328,6 +328,7 @@ def _trials(search: Search) -> tuple[Mapping[str, object], ...]:
                         "change": change,
                         "gain": before.point.value - structure.point.value,
                         "price": structure.price - before.price if math.isfinite(structure.price) else None,
+                        "restarted": structure.restarted,
                         "accepted": taken,
                     }
                 )

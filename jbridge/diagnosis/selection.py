@@ -177,12 +177,14 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadlin
         climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
         begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
         [point] = problem.solve(engine, [begun.start], _POLISH)
+        restarted = False
         if point.value > now.point.value and move.absent is not None:
             # What fits short windows may run away in long ones: then the effect grows from its absence, where the
             # model is as good as the one that it contains.
+            restarted = True
             absent = Start(move.absent, start.free, now.point.states)
             point = min(point, *problem.solve(engine, [absent], _POLISH), key=lambda p: p.value)
-        structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf)
+        structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
         # One that gains nothing needs no price.
         return weighed(problem, structure) if point.value < now.value else structure
 

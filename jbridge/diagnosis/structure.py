@@ -31,6 +31,8 @@ class Structure:
     """The criterion by block, each left out in turn."""
     price: float
     """What its numbers and the choices behind it must gain."""
+    restarted: bool = False
+    """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
 
     @property
     def value(self) -> float:

@@ -68,6 +68,8 @@ def test_the_hold_out_proves_it(missing):
 def test_what_was_tried_is_told(missing):
     assert [row["kind"] for row in missing.trials if row["accepted"]] == ["quadratic_drag"]
     assert all(row["gain"] > row["price"] for row in missing.trials if row["accepted"])
+    # A model with one effect more meets its recordings at least as well.
+    assert all(row["gain"] > -1e-6 for row in missing.trials if row["change"] == "added")
 
 
 def test_the_final_model_has_the_effect(missing):
