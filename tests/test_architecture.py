@@ -110,6 +110,31 @@ def test_imports_point_down():
     assert [line for path, source in sources("jbridge") for line in upward_imports(path, source)] == []
 
 
+def opens_holdout(path: PurePath, source: str) -> list[str]:
+    """Returns one complaint per line by which a module other than the validation could open a hold-out."""
+    complaints = []
+    if path.name not in ("diagnose.py", "validation.py", "holdout.py"):
+        known = [found for found in imports(path, source) if found.name == "HoldOut"]
+        complaints += [f"{path}:{found.line}: knows the hold-out" for found in known]
+    for node in ast.walk(ast.parse(source)):
+        opened = isinstance(node, ast.Attribute) and node.attr in ("open", "_recordings")
+        if opened and path.name not in ("validation.py", "holdout.py"):
+            complaints.append(f"{path}:{node.lineno}: opens the hold-out")
+    return complaints
+
+
+def test_the_validation_alone_opens_the_hold_out():
+    chosen = [*sources("jbridge/diagnosis"), *sources("jbridge/identification")]
+    assert [line for path, source in chosen for line in opens_holdout(path, source)] == []
+
+
+@pytest.mark.parametrize(
+    "source", ["from .holdout import HoldOut", "runs = sealed.open()", "runs = problem.setting.holdout._recordings"]
+)
+def test_what_opens_a_hold_out_would_be_found(source):
+    assert len(opens_holdout(PurePath("jbridge/diagnosis/selection.py"), source)) == 1
+
+
 def test_experiments_use_the_public_face():
     assert [line for path, source in sources("experiments") for line in private_imports(path, source)] == []
 

@@ -11,7 +11,7 @@ import numpy as np
 from .._threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
-from ..identification.evaluation import WINDOW, Evaluation, make_judge
+from ..identification.evaluation import WINDOW
 from ..identification.problem import make_setting, resolve, with_a_scale
 from ..identification.result import Errors, Estimate
 from ..identification.traces import traces
@@ -24,7 +24,7 @@ from .continuation import continued
 from .criteria import CRITERIA
 from .design import next_experiment
 from .detection_limits import not_seen
-from .holdout import split_off
+from .holdout import HoldOut, split_off
 from .localization import location, repeatable
 from .moves import axis_of
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
@@ -32,7 +32,7 @@ from .selection import Search, select
 from .separate import Contender
 from .space import make_space
 from .structure import Structure, base_structure
-from .validation import Checked, Fixed, Validation, of_its_own, unopened, validate
+from .validation import Checked, Fixed, Validation, of_its_own, unopened, validate, whole_errors
 from .words import amount, effect_sentence, verdict_sentence
 
 BUDGET = 300.0
@@ -76,7 +76,7 @@ def diagnose(
     if not holdout:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
-    setting = make_setting(model, (*recordings, *new), holdout)
+    setting, sealed = make_setting(model, (*recordings, *new), holdout), HoldOut(holdout)
     model, told = with_a_scale(model, setting.axes)
     notes += [] if told is None else [told]
     setting = setting.thinned()
@@ -89,14 +89,15 @@ def diagnose(
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)
     else:
-        checked = validate(search.problem, base, found, setting.holdout, tell)
-    return _told(model, search, checked, former, new, notes, begun, tell)
+        checked = validate(search.problem, base, found, sealed, tell)
+    return _told(model, search, checked, sealed, former, new, notes, begun, tell)
 
 
 def _told(
     model: Model,
     search: Search,
     checked: Validation,
+    sealed: HoldOut,
     former: Former | None,
     new: Sequence[Recording],
     notes: Sequence[str],
@@ -109,7 +110,7 @@ def _told(
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
     values, doubts = _estimated(problem, final)
-    effects = tuple(_named(search, c, values) for c in checked.checked)
+    effects = tuple(_named(search, sealed, c, values) for c in checked.checked)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
     training = shown
     if opened:
@@ -163,7 +164,7 @@ def _told(
         setting.noise,
         WINDOW,
         _horizons(checked) if opened else (),
-        tuple(r.name for r in setting.holdout),
+        sealed.names,
         shown,
         _trials(search),
         not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
@@ -249,7 +250,7 @@ def _chances(members: Sequence[Structure]) -> np.ndarray:
     return (weights / weights.sum(axis=0)).mean(axis=1)
 
 
-def _named(search: Search, checked: Checked, values: Mapping[str, Estimate]) -> NamedEffect:
+def _named(search: Search, sealed: HoldOut, checked: Checked, values: Mapping[str, Estimate]) -> NamedEffect:
     """An effect with what cannot be told from it."""
     kind, site = checked.name
     parameters = parameters_of(kind, site, values)
@@ -262,23 +263,17 @@ def _named(search: Search, checked: Checked, values: Mapping[str, Estimate]) -> 
         own = float(chances[0])
         order = sorted(range(1, len(members)), key=lambda i: -chances[i])
         near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
-        rivals = [_rival(search, before, members[i], float(chances[i])) for i in near]
+        rivals = [_rival(search, sealed, before, members[i], float(chances[i])) for i in near]
     statement = effect_sentence(kind, site, parameters, rivals)
     return NamedEffect(kind, site, own, parameters, tuple(rivals), statement, checked.status, checked.explained)
 
 
-def _rival(search: Search, before: Structure, own: Structure, probability: float) -> Rival:
+def _rival(search: Search, sealed: HoldOut, before: Structure, own: Structure, probability: float) -> Rival:
     [name] = set(own.names) - set(before.names)
-    values, _ = _estimated(search.problem, of_its_own(own))
-    judge = make_judge(
-        search.problem.setting,
-        search.problem.setting.holdout,
-        search.problem.setting.noise,
-        (WHOLE,),
-        search.problem.data.samples,
-    )
-    run: Evaluation = judge.evaluate(own.plant, own.space.engine)
-    return Rival(*name, probability, parameters_of(*name, values), run.errors(WHOLE))
+    model = of_its_own(own)
+    values, _ = _estimated(search.problem, model)
+    errors = whole_errors(search.problem, model, sealed)
+    return Rival(*name, probability, parameters_of(*name, values), errors)
 
 
 def _contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:

@@ -1,9 +1,24 @@
-"""A hold-out taken from the recordings themselves where none was given."""
+"""Recordings that prove a model, closed until its structure is fixed; taken from the others where none was given."""
 
 from collections.abc import Sequence
 
 from ..errors import InputError
+from ..identification.data.thinning import thinned
 from ..recordings import Recording
+
+
+class HoldOut:
+    """Recordings that take no part in the choice of a model.
+
+    Only the validation opens them (`tests/test_architecture.py` holds this); no fit and no search is given one.
+    """
+
+    def __init__(self, recordings: Sequence[Recording]):
+        self.names = tuple(recording.name for recording in recordings)
+        self._recordings = tuple(recordings)
+
+    def open(self) -> tuple[Recording, ...]:
+        return tuple(map(thinned, self._recordings))
 
 
 def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:

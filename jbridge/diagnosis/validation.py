@@ -24,6 +24,7 @@ from ..model.plant import Plant
 from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
+from .holdout import HoldOut
 from .space import Name, is_apart
 from .structure import Structure
 
@@ -124,7 +125,7 @@ def validate(
     problem: Problem,
     base: Structure,
     found: Structure,
-    holdout: Sequence[Recording],
+    sealed: HoldOut,
     tell: Callable[[str], None],
 ) -> Validation:
     """Opens the hold-out.
@@ -133,11 +134,12 @@ def validate(
         problem: the recordings and the criterion.
         base: the model as given, refitted.
         found: the model that was chosen.
-        holdout: recordings that took no part.
+        sealed: recordings that took no part.
         tell: takes a line on what is being done.
     """
     setting = problem.setting
     tell("validating on the hold-out")
+    holdout = sealed.open()
     samples = problem.data.samples
     judge = make_judge(setting, holdout, setting.noise, samples=samples)
     own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
@@ -297,6 +299,12 @@ def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -
 
 
 # ------------------------------------------------------------------ fits without an effect
+
+
+def whole_errors(problem: Problem, model: Fixed, sealed: HoldOut) -> dict[str, float]:
+    """Root-mean-square error of a model on whole recordings of the hold-out, by channel."""
+    judge = make_judge(problem.setting, sealed.open(), problem.setting.noise, (WHOLE,), samples=problem.data.samples)
+    return judge.evaluate(model.plant, model.engine).errors(WHOLE)
 
 
 def of_its_own(structure: Structure) -> Fixed:

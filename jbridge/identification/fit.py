@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording
+from .data.thinning import thinned
 from .data.windows import HORIZONS, make_data
 from .estimation import engine_for, fit_structure, make_problem
 from .evaluation import WINDOW, make_judge
@@ -61,7 +62,7 @@ def fit(
                 f"({10 * recording.period:.3g} s); give a longer one"
             )
     setting = setting.thinned()
-    recordings, holdout = setting.recordings, setting.holdout
+    recordings, holdout = setting.recordings, tuple(map(thinned, holdout))
     given = resolve(model.plant, setting.length)
     problem = make_problem(setting, make_data(recordings, HORIZONS if window is None else (window,)))
     tell("fitting")

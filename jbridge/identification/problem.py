@@ -44,7 +44,7 @@ class Setting:
     """What does not change during a fit or a diagnosis."""
 
     recordings: tuple[Recording, ...]
-    holdout: tuple[Recording, ...]
+    """Those from which everything is chosen; a hold-out is not among them."""
     noise: Mapping[str, float]
     axes: tuple[str, ...]
     """Axes that move in some recording."""
@@ -62,8 +62,7 @@ class Setting:
 
     def thinned(self) -> "Setting":
         """The same with at most a sample every few milliseconds: more cost time and tell a fit nothing."""
-        fewer = tuple(thinned(r) for r in self.recordings), tuple(thinned(r) for r in self.holdout)
-        return dataclasses.replace(self, recordings=fewer[0], holdout=fewer[1])
+        return dataclasses.replace(self, recordings=tuple(map(thinned, self.recordings)))
 
 
 def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
@@ -105,7 +104,7 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
-    return Setting(tuple(recordings), tuple(holdout), noise, _moving(everything), units, length, fine)
+    return Setting(tuple(recordings), noise, _moving(everything), units, length, fine)
 
 
 def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:

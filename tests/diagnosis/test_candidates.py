@@ -21,7 +21,7 @@ def setting_of(*channels: str) -> Setting:
     there = {"x": run.has_cart, "psi": run.has_swing, "l": run.has_hoist}
     axes = tuple(axis for axis in there if there[axis])
     noise = {axis: NOISE[axis] for axis in ("x", "psi", "l") if axis in channels}
-    return Setting((run,), (), noise, axes, run.units, 0.6)
+    return Setting((run,), noise, axes, run.units, 0.6)
 
 
 def found_for(setting: Setting, plant: Plant) -> list[Candidate]:

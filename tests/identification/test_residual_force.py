@@ -31,7 +31,7 @@ def recorded(plant, noise=1.0):
 def own_motion(plant, recording):
     """The model's readings under the recording's input."""
     data = make_data([recording], (WHOLE,), NOISE)
-    engine = engine_for(Setting((recording,), (), NOISE, ("x",), {}, 0.7), data, plant)
+    engine = engine_for(Setting((recording,), NOISE, ("x",), {}, 0.7), data, plant)
     vector = np.array(engine.table.ravel(plant), dtype=float)
     [tiling] = data.tilings
     [predicted] = engine.predict([Job(vector, 0, tiling.begins, tiling.states)])
