@@ -196,11 +196,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
     free, no force could be told from its absence.
     """
     table = ParameterTable(model.plant)
-    forces = {
-        entry.group
-        for entry in table.entries
-        if set(entry.unit.replace("/", " ").split()) & {"N", "kg"} and _axis_of(entry) in axes
-    }
+    forces = {entry.group for entry in table.entries if entry.is_force and _axis_of(entry) in axes}
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, None

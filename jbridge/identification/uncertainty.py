@@ -1,12 +1,13 @@
 """How well recordings determine parameters, and what they do not determine."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
-from ..model.parameters import ParameterTable
+from ..model.parameters import Entry, ParameterTable
 from .estimation import Problem
 from .result import Estimate
 from .sensitivity import Engine
@@ -122,19 +123,23 @@ def warnings(
     wide = widened(stds, vector[free])
     low, high = table.bounds()
     loose: dict[str, list[int]] = {}
+    entries = [table.entry(int(place)) for place in free]
+    uncertain = [bool(wide[i] > 0.5 * max(abs(vector[place]), 1e-9)) for i, place in enumerate(free)]
+    together = _inseparable(entries, stds, cov)
     for i, place in enumerate(free):
-        entry = table.entry(int(place))
-        if wide[i] > 0.5 * max(abs(vector[place]), 1e-9):
+        entry = entries[i]
+        if uncertain[i]:
             if entry.info.vector:
                 loose.setdefault(entry.group, []).append(i)
                 continue
             if _untold(float(wide[i]), float(vector[place])):
                 out.append(f"The recordings say nothing of {entry.name}: it stays at {vector[place]:.3g} {entry.unit}.")
                 continue
-            out.append(
-                f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
-                f"{_NORMAL * wide[i]:.2g}."
-            )
+            if not any(i in members for members in together):
+                out.append(
+                    f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
+                    f"{_NORMAL * wide[i]:.2g}."
+                )
         elif vector[place] <= low[place] or vector[place] >= high[place]:
             out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")
     for group, members in loose.items():
@@ -143,20 +148,28 @@ def warnings(
             f"The recordings hardly determine {len(members)} of the {count} values of {group}: trust their "
             "shape, not their level."
         )
-    for i in range(len(free)):
-        for j in range(i):
-            both = stds[i] * stds[j]
-            if (
-                both > 0
-                and abs(cov[i, j]) / both > 0.995
-                and table.entry(int(free[i])).group != table.entry(int(free[j])).group
-                and not (table.entry(int(free[i])).info.vector or table.entry(int(free[j])).info.vector)
-            ):
-                out.append(
-                    f"The recordings hardly tell {table.entry(int(free[j])).name} from "
-                    f"{table.entry(int(free[i])).name}: only a combination of the two is determined."
-                )
+    for members in together:
+        names = [entries[i].name for i in members]
+        listed = f"{', '.join(names[:-1])} and {names[-1]}"
+        scale = all(uncertain[i] and entries[i].is_force for i in members)
+        if scale and any(entries[i].name.endswith("_mass") for i in members):
+            out.append(
+                f"The recordings hardly determine a factor that {listed} have in common: no force of known size acts "
+                "on them that would be felt. Their ratios are sound; list a mass that was weighed under known."
+            )
+        else:
+            out.append(f"The recordings hardly tell {listed} apart: only combinations of them are determined.")
     return out
+
+
+def _inseparable(entries: Sequence[Entry], stds: NDArray[np.float64], cov: NDArray[np.float64]) -> list[list[int]]:
+    """Parameters of which only combinations are determined, in groups; entries of lists are not among them."""
+    alone = np.array([not entry.info.vector for entry in entries], bool)
+    both = np.outer(stds, stds)
+    tied = (np.abs(cov) > 0.995 * both) & (both > 0) & np.outer(alone, alone)
+    count, group = connected_components(tied, directed=False)
+    members = [np.flatnonzero(group == g).tolist() for g in range(count)]
+    return [m for m in members if len({entries[i].group for i in m}) > 1]
 
 
 def as_uncertainty(found: Mapping[str, Estimate]) -> dict[str, dict[str, object]]:

@@ -35,6 +35,11 @@ class Entry:
     info: ParameterInfo
     unit: str
 
+    @property
+    def is_force(self) -> bool:
+        """Whether a force or a mass is in its unit, so that it grows with the scale of all forces."""
+        return bool({"N", "kg"} & set(self.unit.replace("/", " ").split()))
+
 
 class ParameterTable:
     """Names, units and bounds of every number of a plant, in the order of its leaves."""

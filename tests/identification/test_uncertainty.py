@@ -88,7 +88,15 @@ def test_what_is_not_determined_is_said():
     assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
     tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
     (said,) = warnings(TABLE, VECTOR, free, tied)
-    assert "hardly tell cart_gain from cart_damping" in said
+    assert said.startswith("The recordings hardly tell cart_gain and cart_damping apart: ")
+    free = places("cart_mass", "cart_damping", "cart_gain", "swing_damping")
+    scale = np.append(VECTOR[free[:3]], 0.0) * 10.0  # ten times as wide as they are large
+    (said,) = warnings(TABLE, VECTOR, free, np.outer(scale, scale) + np.diag([0.0, 0.0, 0.0, 1e-12]))
+    assert said.startswith(
+        "The recordings hardly determine a factor that cart_mass, cart_damping and cart_gain have in"
+    )
+    assert said.endswith("list a mass that was weighed under known.")
+    free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
     at_bound = VECTOR.copy()
     at_bound[free[2]] = 0.0
     narrow = np.diag([1e-4, 1e-4, 1e-20])
