@@ -93,12 +93,11 @@ def candidates(plant: Plant, known: Iterable[str], setting: Setting, scene: Scen
         scene: what seeds go by.
     """
     present = {(effect.kind, effect.site) for effect in plant.effects}
-    kinds = {effect.kind for effect in plant.effects}
     found = []
     for kind, cls in CATALOGUE.items():
-        if cls.beside and kinds.isdisjoint(cls.beside):
-            continue
         for site in cls.sites:
+            if cls.beside and present.isdisjoint((other, site) for other in cls.beside):
+                continue
             if (kind, site) in present or not _exists(site, setting) or not _has_room(plant, kind, site):
                 continue
             found += [_candidate(kind, site, seed) for seed in cls.seeds(site, scene)]

@@ -222,8 +222,8 @@ class AbstractEffect(eqx.Module):
     contains: ClassVar[tuple[Contained, ...]] = ()
     """Simpler laws that may take its place, and whose place it takes."""
     beside: ClassVar[tuple[str, ...]] = ()
-    """Kinds of which a model must have one for a search to propose this effect: without them it is another law under
-    another name, or asks for recordings that show more. Empty: it is proposed beside everything."""
+    """Kinds of which a model must have one at a site for a search to propose this effect there: without them it is
+    another law under another name, or asks for recordings that show more. Empty: it is proposed beside everything."""
     site: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:
