@@ -12,7 +12,7 @@ from .._threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
 from ..identification.evaluation import WINDOW
-from ..identification.problem import make_setting, resolve, with_a_scale
+from ..identification.problem import prepared, resolve
 from ..identification.result import Errors, Estimate
 from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
@@ -76,9 +76,9 @@ def diagnose(
     if not holdout:
         recordings, holdout, note = split_off(recordings)
         notes.append(note)
-    setting, sealed = make_setting(model, (*recordings, *new), holdout), HoldOut(holdout)
-    model, told = with_a_scale(model, setting.axes)
-    notes += [] if told is None else [told]
+    sealed = HoldOut(holdout)
+    model, setting, told = prepared(model, (*recordings, *new), holdout)
+    notes += told
     setting = setting.thinned()
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))

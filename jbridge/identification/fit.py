@@ -16,7 +16,7 @@ from .data.thinning import thinned
 from .data.windows import HORIZONS, make_data
 from .estimation import engine_for, fit_structure, make_problem
 from .evaluation import WINDOW, make_judge
-from .problem import free_places, make_setting, resolve, with_a_scale
+from .problem import free_places, make_setting, prepared, resolve
 from .result import Fit
 from .solver import Start
 from .traces import traces
@@ -52,9 +52,8 @@ def fit(
     begun = time.perf_counter()
     tell = progress or (lambda text: None)
     notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
-    setting = make_setting(model, recordings, holdout)
-    model, told = with_a_scale(model, setting.axes)
-    notes = notes if told is None else (*notes, told)
+    model, setting, told = prepared(model, recordings, holdout)
+    notes = (*notes, *told)
     for recording in recordings:
         if window is not None and not window >= 10 * recording.period:
             raise InputError(

@@ -11,7 +11,7 @@ from ..model.parameters import ParameterTable
 from ..recordings import Recording
 from .data.windows import HORIZONS, WHOLE, make_data
 from .estimation import engine_for, make_problem, start_of
-from .problem import make_setting, resolve, with_a_scale
+from .problem import prepared, resolve
 from .result import Estimate
 from .uncertainty import covariance, estimates, warnings
 
@@ -47,8 +47,7 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     Raises:
         InputError: model and recordings do not go together.
     """
-    setting = make_setting(model, recordings, ())
-    model, told = with_a_scale(model, setting.axes)
+    model, setting, told = prepared(model, recordings)
     setting = setting.thinned()
     plant = resolve(model.plant, setting.length)
     horizons = tuple(horizon for horizon in HORIZONS if horizon < WHOLE)
@@ -64,4 +63,4 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     found = estimates(table, point.vector, point.free, cov, setting.period)
     names = dict.fromkeys(table.entry(int(place)).group for place in point.free)
     loose = warnings(table, point.vector, point.free, np.asarray(cov))
-    return Identifiability(found, tuple(names), tuple(loose), () if told is None else (told,), setting.noise)
+    return Identifiability(found, tuple(names), tuple(loose), told, setting.noise)

@@ -65,6 +65,40 @@ class Setting:
         return dataclasses.replace(self, recordings=tuple(map(thinned, self.recordings)))
 
 
+def prepared(
+    model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
+) -> tuple[Model, Setting, tuple[str, ...]]:
+    """Model and recordings that go together, with sentences on what was taken for known.
+
+    Args:
+        model: as given.
+        recordings: from which everything is chosen.
+        holdout: further ones, which are only checked.
+
+    Raises:
+        InputError: see `make_setting`.
+    """
+    model, same = with_overrides(model, recordings)
+    setting = make_setting(model, recordings, holdout)
+    model, scale = with_a_scale(model, setting.axes)
+    return model, setting, (*same, *scale)
+
+
+def with_overrides(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:
+    """The model with those numbers known that every recording sets to the same value, and sentences on them."""
+    alike = {
+        name: value
+        for name, value in recordings[0].override.items()
+        if all(recording.override.get(name) == value for recording in recordings)
+    }
+    bridge = dataclasses.replace(model.plant.bridge, **{name: jnp.asarray(value) for name, value in alike.items()})
+    told = [
+        f"All recordings set {n} = {v:.6g}: it was taken for known." for n, v in alike.items() if n not in model.known
+    ]
+    plant = Plant(bridge, model.plant.effects)
+    return dataclasses.replace(model, plant=plant, known=model.known | set(alike)), tuple(told)
+
+
 def make_setting(model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Setting:
     """Checks that model and recordings go together.
 
@@ -189,7 +223,7 @@ def _same_samples(one: Recording, other: Recording) -> bool:
     return all(a is b or (a is not None and b is not None and np.array_equal(a, b)) for a, b in pairs)
 
 
-def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
+def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, ...]]:
     """The model with a mass held where nothing else tells how large forces are, and a sentence on that.
 
     Masses, gains, dampings and levels of friction have a factor in common that no motion shows. If all of them were
@@ -199,9 +233,9 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, str | None]:
     forces = {entry.group for entry in table.entries if entry.is_force and _axis_of(entry) in axes}
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
-        return model, None
+        return model, ()
     told = f"Nothing that is known has a unit of force or mass, so {mass} was taken for known: all forces go with it."
-    return dataclasses.replace(model, known=model.known | {mass}), told
+    return dataclasses.replace(model, known=model.known | {mass}), (told,)
 
 
 def _axis_of(entry: Entry) -> str:

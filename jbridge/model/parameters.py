@@ -98,7 +98,9 @@ class ParameterTable:
                 taken += 1
                 group = f"{part.kind}@{part.site}#{taken}.{info.key}"
         else:
-            group, unit = info.key, info.unit.format(**command)
+            # A bridge's units have inputs below the line alone.
+            below = {name: f"({own})" if " " in own else own for name, own in command.items()}
+            group, unit = info.key, info.unit.format(**below)
         for i in range(size):
             name = f"{group}[{i}]" if info.vector else group
             self.entries.append(Entry(name, group, owner, info.key, i, info, unit))

@@ -7,7 +7,7 @@ import numpy as np
 
 from jbridge.errors import InputError, listed
 from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
-from jbridge.recordings.columns import CHANNELS, Column, near_column
+from jbridge.recordings.columns import CHANNELS, GAINS, Column, near_column
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.table import Table
@@ -48,6 +48,12 @@ class Channels:
     def units(self) -> dict[str, str]:
         """Unit of each input."""
         return {name: self.columns[name].input_unit for name in INPUTS if name in self.columns}
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains of the drives whose inputs are forces, or torques on a known radius, by the parameter's name."""
+        found = {GAINS[name]: self.columns[name].gain for name in INPUTS if name in self.columns}
+        return {name: gain for name, gain in found.items() if gain is not None}
 
 
 def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:

@@ -12,7 +12,9 @@ import numpy as np
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 ANGLES = {"rad": 1.0, "deg": pi / 180, "mrad": 1e-3}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-INPUT_UNITS = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "%": 1.0, "count": 1.0}
+INPUT_UNITS = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "%": 1.0, "count": 1.0, "N": 1.0, "N m": 1.0}
+GAINS = {"u_x": "cart_gain", "u_l": "hoist_gain"}
+"""The parameter that turns an input into a force."""
 BASE_UNITS = {"mV": "V", "mA": "A"}
 """The unit that an input is kept in, where it is not the declared one."""
 
@@ -76,6 +78,8 @@ class Column:
     """Reading at the channel's zero, in the column's unit."""
     scale: float | None = None
     """Size of one count [m, rad or s], for a measured channel in counts."""
+    radius: float | None = None
+    """Of the pulley or drum on which a torque acts [m], for an input in N m."""
 
     def convert(self, raw: np.ndarray, channel: str) -> np.ndarray:
         """Returns the channel in SI units (inputs: in `input_unit`)."""
@@ -91,12 +95,20 @@ class Column:
         parts += ["sign = -1"] if self.sign < 0 else []
         parts += [f"offset = {self.offset:.6g}"] if self.offset else []
         parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
+        parts += [f"radius = {self.radius:g}"] if self.radius is not None else []
         return f"{channel} = {{{', '.join(parts)}}}"
 
     @property
     def input_unit(self) -> str:
         """The unit that an input is kept in: gains, dead zones and reports carry it."""
         return BASE_UNITS.get(self.unit, self.unit)
+
+    @property
+    def gain(self) -> float | None:
+        """Force per unit of an input that is a force, or a torque on a known radius; None where a fit must tell it."""
+        if self.unit == "N":
+            return 1.0
+        return None if self.radius is None else 1.0 / self.radius
 
 
 def plain_column(channel: str) -> Column:
@@ -108,7 +120,7 @@ def near_column(channel: str, names: Iterable[str]) -> Column | None:
     """Returns a column that is probably meant for a channel by its name, with the unit that the name gives.
 
     >>> near_column("psi", ["t", "x_ref", "Theta (deg)"])
-    Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None)
+    Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None)
     """
     for name in names:
         words = re.findall(r"[^\W\d_]+|%|°", name.replace("m/s", "velocity").lower())

@@ -205,7 +205,7 @@ def make_reading(
         resolution=resolution,
         units={name: unit for name, unit in channels.units.items() if name not in parts.unused},
         locked_length=parts.locked_length,
-        override=dict(declared.override),
+        override=channels.gains | dict(declared.override),
         initial=dict(declared.initial),
         extras={name: read_only(column) for name, column in all_extras(channels, parts).items()},
         notes=(*channels.notes, *parts.notes, *describe(channels, declared, resolution, holds)),
@@ -264,6 +264,9 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
                 f"The angle rests near {angle:.3g} rad; if its zero is upright, declare the reading at"
                 " hanging as the offset of psi."
             )
+    for gain, value in channels.gains.items():
+        if gain not in declared.override:
+            notes.append(f"The unit of the input tells the drive's gain: {gain} = {value:.6g} is known.")
     for name, hold in holds.items():
         size, unit = resolution[name], "rad" if name == "psi" else "m"
         if name not in declared.resolution and size > 0:

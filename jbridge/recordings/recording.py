@@ -49,7 +49,7 @@ class Recording:
     resolution: dict[str, float]
     """Per measured channel: size of one count [m, rad], declared or estimated; 0 where none can be seen."""
     units: dict[str, str]
-    """Unit of each input present: V, A, % or count."""
+    """Unit of each input present: V, A, %, count, N or N m."""
     locked_length: float | None
     """Rope length [m] where a load swings on a locked rope."""
     override: dict[str, float]

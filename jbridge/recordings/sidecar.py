@@ -242,7 +242,7 @@ def parse_columns(where: Where, table: Mapping[str, object]) -> Iterator[tuple[s
 
 def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Column:
     """Returns how a channel's column is read, from a table such as `{column = "theta", unit = "deg"}`."""
-    where.check_keys(table, ("column", "unit", "sign", "offset", "scale"))
+    where.check_keys(table, ("column", "unit", "sign", "offset", "scale", "radius"))
     name = table.get("column", channel)
     if not isinstance(name, str):
         raise where.error(f"column must be a column's name, not {quoted(str(name))}")
@@ -250,13 +250,15 @@ def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Col
     unit = table.get("unit", "count" if scaled else plain_column(channel).unit)
     known = (*UNITS[channel], "count") if scaled else tuple(UNITS[channel])
     if scaled and channel in INPUTS:
-        raise where.error("an input takes no scale; give its unit (V, A, % or count), and its gain carries it")
+        raise where.error("an input takes no scale; give its unit (V, A, %, count, N or N m), and its gain carries it")
     if scaled and unit != "count":
         raise where.error(f'scale is the size of one count: write unit = "count", not {quoted(str(unit))}')
     if unit == "count" and not scaled and channel not in INPUTS:
         raise where.error("unit count needs the size of one count in SI units, such as scale = 5.5e-5")
     if not isinstance(unit, str) or unit not in known:
         raise where.error(f"unknown unit {quoted(str(unit))}; known for {channel} are {', '.join(known)}")
+    if "radius" in table and unit != "N m":
+        raise where.error('radius is that of the pulley on which a torque acts: write unit = "N m", or leave it out')
     sign = where.number(table, "sign") if "sign" in table else 1.0
     if sign not in (1.0, -1.0):
         raise where.error(f"sign must be 1 or -1, not {sign:g}; a factor belongs into the unit or into scale")
@@ -266,4 +268,5 @@ def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Col
         sign,
         where.number(table, "offset") if "offset" in table else 0.0,
         where.number(table, "scale", positive=True) if scaled else None,
+        where.number(table, "radius", positive=True) if "radius" in table else None,
     )

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.identification.problem import make_setting, with_a_scale
+from jbridge.identification.problem import make_setting, prepared, with_a_scale
 from jbridge.model.files import Model
+from jbridge.model.parameters import ParameterTable
+from jbridge.recordings import Recording
 from tests.identification.cases import DRY, FULL, TIMES, make_recording
 from tests.problems import make_plant
 
@@ -58,7 +60,7 @@ def test_a_copy_of_a_recording_proves_nothing():
 
 def test_a_mass_is_held_where_nothing_tells_how_large_forces_are():
     axes = ("x", "psi", "l")
-    model, told = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), axes)
+    model, (told,) = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), axes)
     assert model.known == {"gravity", "cart_mass"} and "cart_mass was taken for known" in told
     pendulum, _ = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), ("psi",))
     assert pendulum.known == {"gravity", "load_mass"}
@@ -70,4 +72,33 @@ def test_a_mass_is_held_where_nothing_tells_how_large_forces_are():
 @pytest.mark.parametrize("name", ["cart_gain", "load_mass", "coulomb_friction@cart.level"])
 def test_one_known_force_is_scale_enough(name):
     given = dataclasses.replace(MODEL, known=frozenset({"gravity", name}))
-    assert with_a_scale(given, ("x", "psi", "l")) == (given, None)
+    assert with_a_scale(given, ("x", "psi", "l")) == (given, ())
+
+
+@pytest.mark.parametrize(
+    ("column", "gain", "unit"),
+    [({"unit": "N"}, 1.0, "N/N"), ({"unit": "N m", "radius": 0.028}, 1.0 / 0.028, "N/(N m)")],
+    ids=["force", "torque"],
+)
+def test_the_gain_of_an_input_that_is_a_force_is_known(column, gain, unit):
+    """Also with a model that knows nothing else: then no mass is held."""
+    columns = {name: FULL[name] for name in ("u_x", "u_l", "x", "psi", "l")}
+    run = Recording.from_arrays(t=TIMES, **columns, sidecar={"columns": {"u_x": column}}, force=True)
+    assert run.override == {"cart_gain": pytest.approx(gain)}
+    assert any(f"cart_gain = {gain:.6g} is known" in note for note in run.notes)
+    model, setting, told = prepared(dataclasses.replace(MODEL, known=frozenset({"gravity"})), [run])
+    assert float(model.plant.bridge.cart_gain) == pytest.approx(gain)
+    assert model.known == {"gravity", "cart_gain"} and "cart_gain" in told[0] and len(told) == 1
+    entries = {entry.name: entry.unit for entry in ParameterTable(model.plant, setting.units).entries}
+    assert entries["cart_gain"] == unit
+
+
+def test_what_all_recordings_set_alike_is_known():
+    heavy = [
+        dataclasses.replace(recorded(f"{k}.csv", x=RESTING + 1e-3 * k), override={"load_mass": 0.25}) for k in (0, 1)
+    ]
+    model, _, told = prepared(dataclasses.replace(MODEL, known=KNOWN - {"load_mass"}), heavy)
+    assert float(model.plant.bridge.load_mass) == 0.25 and model.known == KNOWN
+    assert told == ("All recordings set load_mass = 0.25: it was taken for known.",)
+    other = dataclasses.replace(heavy[1], override={"load_mass": 0.3})
+    assert prepared(MODEL, [heavy[0], other])[0].plant.bridge.load_mass == MODEL.plant.bridge.load_mass

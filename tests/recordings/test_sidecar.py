@@ -213,6 +213,8 @@ REFUSED = {
     "counts without scale": ("[columns]\nx = {unit = 'count'}", ["[columns], x", "scale = 5.5e-5"]),
     "scale and unit": ("[columns]\nx = {unit = 'mm', scale = 2}", ["scale", 'unit = "count"']),
     "scale of an input": ("[columns]\nu_x = {unit = 'count', scale = 2}", ["u_x", "takes no scale"]),
+    "radius of volts": ("[columns]\nu_x = {radius = 0.03}", ["u_x", "radius", 'unit = "N m"']),
+    "radius of zero": ("[columns]\nu_x = {unit = 'N m', radius = 0}", ["radius must be above 0"]),
     "scale of zero": ("[columns]\nx = {scale = 0}", ["scale must be above 0"]),
     "sign of two": ("[columns]\nx = {sign = 2}", ["sign must be 1 or -1", "2"]),
     "offset is text": ("[columns]\nx = {offset = '1'}", ["offset must be a number", "'1'"]),
