@@ -5,7 +5,9 @@ written; 130 when interrupted. Everything else is a bug and shows its traceback.
 """
 
 import argparse
+import contextlib
 import errno
+import io
 import os
 import shutil
 import sys
@@ -127,7 +129,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     progress = _Progress()
     try:
         arguments = _parser().parse_args(argv)
-        arguments.run(arguments, progress)
+        with contextlib.ExitStack() as around:
+            if arguments.quiet:
+                progress.silence()
+                around.enter_context(contextlib.redirect_stdout(io.StringIO()))
+            arguments.run(arguments, progress)
         sys.stdout.flush()
         return 0
     except InputError as error:
@@ -385,6 +391,10 @@ class _Progress:
             self._stream.write(f"\r\x1b[K{line[:width]}")
             self._stream.flush()
 
+    def silence(self) -> None:
+        """From now on nothing is shown."""
+        self._shown = False
+
     def clear(self) -> None:
         if self._shown:
             self._stream.write("\r\x1b[K")
@@ -432,7 +442,7 @@ def _parser() -> _Parser:
         "--out", metavar="OUT.csv", required=True, help="where to write; an existing file is replaced"
     )
     check = _command(commands, "check", "what recordings are read as, and can tell", _CHECK, _check)
-    check.usage = "jbridge check [-h] [--out DIR] [--force] [--no-cache] [MODEL.toml] REC.csv [REC.csv ...]"
+    check.usage = "jbridge check [-h] [--out DIR] [--force] [--no-cache] [--quiet] [MODEL.toml] REC.csv [REC.csv ...]"
     check.epilog = "example:\n  jbridge check model.toml monday-*.csv --out checked"
     check.add_argument("files", metavar="[MODEL.toml] REC.csv", nargs="+", help=f"{_RECORDING}; a model may come first")
     check.add_argument("--out", metavar="DIR", help=_OUT)
@@ -521,6 +531,7 @@ def _parser() -> _Parser:
         command.add_argument(
             "--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run"
         )
+        command.add_argument("--quiet", action="store_true", help="print nothing but errors")
     return parser
 
 

@@ -110,6 +110,15 @@ def test_fit_saves_and_says(rig, calls, capsys):
     assert "cart_gain" in capsys.readouterr().out
 
 
+def test_quiet_leaves_files_and_errors(rig, calls, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert main(["fit", "model.toml", "a.csv", "--out", "new", "--quiet"]) == 0
+    assert Path("new/fit.json").is_file()
+    assert main(["fit", "model.toml", "absent.csv", "--out", "new", "--quiet"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.startswith("jbridge: absent.csv") and err.count("\n") == 1
+
+
 def test_simulate_writes_the_channels(rig, calls, capsys):
     assert main(["simulate", "model.toml", "--input", "a.csv", "--out", "new/sim.csv"]) == 0
     assert (rig / "new" / "sim.csv").read_text().startswith("t,u_x,x\n")
