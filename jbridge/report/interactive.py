@@ -19,20 +19,6 @@ from .words import CHANNELS, capital, effect_name, input_units
 MOST_POINTS = 2000
 """Points of a curve at most."""
 _DEGREES = 180.0 / np.pi
-_CONTROLS = """<div id="interactive" hidden>
-<p class="controls"><label>Recording <select id="recording"></select></label>
-<label>before <input type="range" id="blend" min="0" max="100" value="100" aria-label="from the model before to the model after"> after</label>
-<button type="button" id="reset">Whole time</button></p>
-<p class="soft">Drag over a panel to zoom all of them; keys: K plays and pauses, R shows the whole time.</p>
-<div id="panels"></div>
-<h3>Rig and twin</h3>
-<canvas id="rig" role="img" aria-label="The recorded rig on the left and its simulation on the right, moving together"></canvas>
-<p class="controls"><button type="button" id="play">Play</button>
-<label>Speed <select id="speed"><option>0.25</option><option>0.5</option><option selected>1</option><option>2</option><option>4</option></select></label>
-<label>Time <input type="range" id="time"></label> <output id="clock"></output></p>
-<div id="horizons"></div>
-<div id="maps"></div>
-</div>"""
 
 
 def assets() -> tuple[str, tuple[str, ...]]:
@@ -50,7 +36,8 @@ def interactive_part(diagnosis: Diagnosis) -> str:
         return ""
     # A `<` could end the element that holds the numbers.
     numbers = json.dumps(report_data(diagnosis), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return f'{_CONTROLS}\n<script type="application/json" id="report-data">{numbers}</script>'
+    controls = files(__package__).joinpath("assets", "controls.html").read_text(encoding="utf-8")
+    return f'{controls}<script type="application/json" id="report-data">{numbers}</script>'
 
 
 def report_data(diagnosis: Diagnosis) -> dict[str, Any]:
