@@ -41,7 +41,7 @@
         scales: { x: { time: false } },
         cursor: { sync: { key: "recordings" } },
         axes: [axis("time [s]"), axis(panel.label, { size: 62 })],
-        series: [line("t [s]"), ...panel.curves.map((curve) => line(curve.label, `--${curve.role}`))],
+        series: [line("t [s]"), ...panel.curves.map((curve) => line(curve.label, `--${curve.role}`, { width: curve.role === "recorded" ? 3 : 1.5 }))],
         hooks: { setScale: [zoom] },
       });
       chart.roles = [null, ...panel.curves.map((curve) => curve.role)];
@@ -56,8 +56,8 @@
     const share = Number(find("blend").value) / 100;
     for (const chart of panels) {
       chart.roles.forEach((role, k) => {
-        if (role === "before") chart.series[k].alpha = 1 - share;
-        if (role === "after") chart.series[k].alpha = share;
+        if (role === "before") chart.series[k].alpha = Math.min(2 - 2 * share, 1);
+        if (role === "after") chart.series[k].alpha = Math.min(2 * share, 1);
       });
       chart.redraw(false);
     }
