@@ -18,6 +18,7 @@ from .html import (
     table,
     tag,
 )
+from .interactive import assets, interactive_part
 from .next_steps import continued_section, next_section, not_seen_section
 from .places import when_sentences, where_sentences
 from .quantities import UNKNOWN, digits, percent, shown
@@ -28,6 +29,7 @@ from .words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, he
 
 def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
     """The page as HTML, with everything that it needs inside."""
+    style, scripts = assets() if diagnosis.traces else ("", ())
     return page(
         f"{heading(diagnosis.verdict, (e.kind for e in diagnosis.effects))} - jbridge",
         [
@@ -36,15 +38,18 @@ def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
             _fit(diagnosis, gallery),
             _effects(diagnosis, gallery),
             _place(diagnosis, gallery),
-            section("Recorded and simulated", show_all(gallery.signals)),
+            section("Recorded and simulated", interactive_part(diagnosis), show_all(gallery.signals)),
             section("What simulation leaves", show_all(gallery.residuals)),
             _parameters(diagnosis, gallery),
             not_seen_section(diagnosis),
             next_section(diagnosis),
             _trials(diagnosis),
+            section("What the recordings hardly tell", bullets(diagnosis.warnings, "warnings")),
             section("Notes on the recordings", bullets(diagnosis.notes)),
             _footer(diagnosis),
         ],
+        style,
+        scripts,
     )
 
 
@@ -68,16 +73,31 @@ def _header(diagnosis: Diagnosis) -> str:
         ("Place", capital(place) if diagnosis.adequacy.alarm or location.equation in EQUATIONS else "none"),
         ("Named physics", capital(named) if named else "none"),
         ("Hold-out error, before and after" if is_changed(diagnosis) else "Hold-out error", _worst(diagnosis)),
+        ("How sure", _sure(diagnosis)),
+        ("What remains", "noise or measured scatter" if diagnosis.complete else "more than noise"),
+        ("What to do next", _next(diagnosis)),
     ]
     shown_facts = "".join(element("div", tag("dt", name) + tag("dd", value)) for name, value in facts)
     return element(
         "header",
         tag("p", heading(diagnosis.verdict, (e.kind for e in diagnosis.effects)), "verdict")
         + tag("h1", diagnosis.statement)
-        + element("dl", shown_facts)
-        + bullets(diagnosis.warnings, "warnings"),
+        + element("dl", shown_facts),
         diagnosis.verdict or "unknown",
     )
+
+
+def _sure(diagnosis: Diagnosis) -> str:
+    """Status and probability of each named effect."""
+    return "; ".join(f"{e.status}, {percent(e.probability)}" for e in diagnosis.effects) or UNKNOWN
+
+
+def _next(diagnosis: Diagnosis) -> str:
+    if diagnosis.next_experiment is not None:
+        return "record next_experiment.csv, see below"
+    if diagnosis.stopped == "budget":
+        return "repeat it with a larger --budget"
+    return "use model.toml" if diagnosis.complete else "record more motion where the mismatch sits"
 
 
 def _worst(diagnosis: Diagnosis) -> str:

@@ -14,18 +14,25 @@ from .rows import parameter_rows
 from .words import capital
 
 
-def page(title: str, body: Iterable[str]) -> str:
-    """A whole page; `title` is text, `body` are pieces of HTML."""
-    style = "\n" + files(__package__).joinpath("page.css").read_text(encoding="utf-8")
-    digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
+def page(title: str, body: Iterable[str], style: str = "", scripts: Sequence[str] = ()) -> str:
+    """A whole page; `title` is text, `body` are pieces of HTML, `style` and `scripts` are the package's own."""
+    style = "\n" + style + files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     # Whatever slipped through the escaping would neither run nor load anything.
-    policy = f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    policy = f"default-src 'none'; img-src data:; style-src {_digest(style)}; base-uri 'none'; form-action 'none'"
+    if scripts:
+        policy += f"; script-src {' '.join(map(_digest, scripts))}"
+    run = "".join(f"<script>{script}</script>\n" for script in scripts)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<title>{escape(title)}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<style>{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(body) + "\n</main>\n</body>\n</html>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(body) + f"\n</main>\n{run}</body>\n</html>\n"
     )
+
+
+def _digest(text: str) -> str:
+    """The source expression by which a policy allows this text alone."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode('ascii')}'"
 
 
 def tag(name: str, text: str, kind: str = "") -> str:

@@ -1,0 +1,143 @@
+"""The part of the page that moves: linked curves and a replay, drawn by `assets/report.js` from numbers in the page."""
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..diagnosis.result import Diagnosis, NamedEffect
+from ..identification.result import Trace
+from .figures.friction_map import KINDS
+from .figures.gallery import choose
+from .quantities import as_list, error_scale, pretty_unit
+from .rows import is_changed, units_of
+from .words import CHANNELS, capital, effect_name, input_units
+
+MOST_POINTS = 2000
+"""Points of a curve at most."""
+_DEGREES = 180.0 / np.pi
+
+
+def assets() -> tuple[str, tuple[str, ...]]:
+    """The style sheet of the plots, and the scripts of the page in the order in which they run."""
+    folder = files(__package__).joinpath("assets")
+    texts = [
+        folder.joinpath(name).read_text(encoding="utf-8") for name in ("uplot.min.css", "uplot.min.js", "report.js")
+    ]
+    return texts[0], (texts[1], texts[2])
+
+
+def interactive_part(diagnosis: Diagnosis) -> str:
+    """Controls, and the numbers that they show as JSON; nothing where there are no recordings to show."""
+    if not diagnosis.traces:
+        return ""
+    # A `<` could end the element that holds the numbers.
+    numbers = json.dumps(report_data(diagnosis), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    controls = files(__package__).joinpath("assets", "controls.html").read_text(encoding="utf-8")
+    return f'{controls}<script type="application/json" id="report-data">{numbers}</script>'
+
+
+def report_data(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What the script draws, in the units shown; null where a number is not known or not finite."""
+    units = input_units(units_of(diagnosis.bridge))
+    changed = is_changed(diagnosis)
+    return {
+        "labels": {"before": "before", "after": "after" if changed else "simulated"},
+        "recordings": [
+            _recording(trace, units, changed)
+            for trace in choose(diagnosis.traces, diagnosis.noise, diagnosis.location.when)
+        ],
+        "horizons": _horizons(diagnosis, changed),
+        "maps": [found for effect in (*diagnosis.effects, *diagnosis.model_effects) if (found := _map(effect))],
+    }
+
+
+def _recording(trace: Trace, units: Mapping[str, str], changed: bool) -> dict[str, Any]:
+    every = slice(None, None, max(-(-len(trace.times) // MOST_POINTS), 1))
+    runs = {"recorded": trace.measured, **({"before": trace.before} if changed else {}), "after": trace.after}
+    panels = []
+    for channel in CHANNELS:
+        factor, unit = (_DEGREES, "°") if channel == "psi" else (1.0, "m")
+        curves = [
+            {"label": role, "role": role, "values": _numbers(factor * run[channel][every])}
+            for role, run in runs.items()
+            if channel in run
+        ]
+        if curves:
+            panels.append({"label": f"{CHANNELS[channel]} [{unit}]", "curves": curves})
+    for name, values in trace.inputs.items():
+        curve = {"label": name, "role": "recorded", "values": _numbers(values[every])}
+        panels.append({"label": f"{name} [{pretty_unit(units.get(name, 'V'))}]", "curves": [curve]})
+    x, l = (_finite(trace.measured.get(name)) for name in ("x", "l"))
+    return {
+        "name": f"{trace.recording} ({'hold-out' if trace.role == 'holdout' else 'training'})",
+        "t": _numbers(trace.times[every]),
+        "panels": panels,
+        "motion": {
+            role: {name: _numbers(run[name][every]) for name in CHANNELS if name in run} for role, run in runs.items()
+        },
+        "reach": {"x": [float(x.min()), float(x.max())] if x.size else [0.0, 1.0], "l": float(l.max(initial=0.3))},
+        "swings": "psi" in trace.measured,
+    }
+
+
+def _horizons(diagnosis: Diagnosis, changed: bool) -> list[dict[str, Any]]:
+    rows = diagnosis.horizons if len(diagnosis.horizons) > 1 else ()
+    panels = []
+    for channel in CHANNELS:
+        if not any(channel in row.after for row in rows):
+            continue
+        scale = error_scale(channel)
+        curves = [
+            {"label": side, "role": side, "values": _positive([getattr(row, side).get(channel) for row in rows], scale)}
+            for side in (("before", "after") if changed else ("after",))
+        ]
+        noise = {"label": "noise", "role": "recorded"}
+        curves.append({**noise, "values": _positive([diagnosis.noise.get(channel)] * len(rows), scale)})
+        label = f"Hold-out error over horizon: {CHANNELS[channel]} [{scale.unit}]"
+        panels.append({"label": label, "seconds": [row.seconds for row in rows], "curves": curves})
+    return panels
+
+
+def _positive(values: Sequence[float | None], scale: Any) -> list[float | None]:
+    """Numbers for a logarithmic axis, which shows none that are zero."""
+    return [scale.factor * v if v is not None and np.isfinite(v) and v > 0 else None for v in values]
+
+
+def _map(effect: NamedEffect) -> dict[str, Any] | None:
+    """Force by place and direction, with its intervals; None for an effect that is no map."""
+    if effect.kind not in KINDS or "knots" not in effect.parameters:
+        return None
+    curves = []
+    for key, (said, role) in {
+        "levels": ("both directions", "after"),
+        "positive": ("towards larger values", "after"),
+        "negative": ("towards smaller values", "before"),
+    }.items():
+        estimate = effect.parameters.get(key)
+        for values, bound in (
+            ((estimate.value, ""), (estimate.low, "low "), (estimate.high, "high ")) if estimate else ()
+        ):
+            if values is not None:
+                numbers = _numbers(np.array(as_list(values), dtype=np.float64))
+                curves.append({"label": bound + said, "role": role, "bound": bool(bound), "values": numbers})
+    unit = next((effect.parameters[key].unit for key in ("levels", "positive") if key in effect.parameters), "N")
+    return {
+        "label": capital(effect_name(effect.kind, effect.site)),
+        "place": "rope length l [m]" if effect.site == "hoist" else "cart position x [m]",
+        "force": f"friction [{pretty_unit(unit)}]",
+        "places": _numbers(np.array(as_list(effect.parameters["knots"].value), dtype=np.float64)),
+        "curves": curves,
+    }
+
+
+def _finite(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.empty(0) if values is None else values[np.isfinite(values)]
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float | None]:
+    """Six significant digits are finer than a screen; a run that goes astray is cut off."""
+    return [float(f"{value:.6g}") if np.isfinite(value) and abs(value) < 1e6 else None for value in values]
