@@ -177,8 +177,7 @@ def missing_force(trace):
     return MissingForce(
         trace.recording,
         times,
-        0.4 * np.sin(np.arange(len(times)) / 7),
-        np.where(np.arange(len(times)) % 50 < 40, 0.05, 0.3),
+        np.where(np.arange(len(times)) % 50 < 40, 0.4 * np.sin(np.arange(len(times)) / 7), np.nan),
     )
 
 

@@ -35,7 +35,11 @@ def location(search: Search, effects: Sequence[NamedEffect], traces: Sequence[Tr
     drawn = bool(alone) and at is not None and not at.endswith("_sensor") and axis is not None
     where = regions(alone, axis) if drawn and axis is not None else ()
     likeness = describe(alone, axis) if drawn and axis is not None else None
-    forces = tuple(MissingForce(name, t.times, t.force, np.zeros_like(t.force)) for name, t in found) if drawn else ()
+    forces = (
+        tuple(MissingForce(name, t.times, np.where(t.weight > 0, t.force, np.nan)) for name, t in found)
+        if drawn
+        else ()
+    )
     return Location(at, equation_of(axis), sites, where, when, {}, forces, likeness)
 
 

@@ -78,14 +78,13 @@ class Likeness:
 
 @dataclasses.dataclass(frozen=True)
 class MissingForce:
-    """The smoothed unknown force on one axis along a recording."""
+    """The force that a recording needs on one axis beyond what the model has, smoothed."""
 
     recording: str
     times: NDArray[np.float64]
     """From the recording's start [s], `(time,)`."""
     mean: NDArray[np.float64]
-    """[N, N m, N]"""
-    std: NDArray[np.float64]
+    """[N, N m, N]; NaN where the recording does not tell it."""
 
 
 @dataclasses.dataclass(frozen=True)

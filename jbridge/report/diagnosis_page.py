@@ -60,6 +60,7 @@ def diagnosis_summary(diagnosis: Diagnosis) -> str:
     if diagnosis.holdout_after.free_run:
         pieces += [tag("h3", "Hold-out, whole recordings")]
         pieces += [errors_table(before, diagnosis.holdout_after.free_run, diagnosis.noise)]
+    pieces += [bullets(diagnosis.warnings, "warnings")]
     return element("div", "\n".join([*pieces, show(diagnosis_signals(diagnosis))]))
 
 

@@ -18,8 +18,6 @@ from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, SHADE, Picture, picture, 
 _BINS = 30
 _LEAST_IN_BIN = 12
 _MOST_POINTS = 4000
-_SURE = 0.7
-"""Standard deviation, over the largest, above which nothing was learned of the force."""
 
 Points = NDArray[np.float64]
 
@@ -51,24 +49,21 @@ def draw_missing(
     """
     by_name = {trace.recording: trace for trace in traces}
     pairs = [(force, by_name[force.recording]) for force in forces if force.recording in by_name]
-    pairs = [(force, trace) for force, trace in pairs if len(force.times) > 1]
+    pairs = [(force, trace) for force, trace in pairs if np.isfinite(force.mean).sum() > 1]
     if not pairs:
         return None
     quantity, unit = FORCES[axis]
     factor = 1.0
     if axis == "psi":  # a torque on a load of some hundred grams
         factor, unit = 1e3, f"m{unit}"
-    widest = max(float(force.std.max()) for force, _ in pairs)
     best = most_telling(likeness.by).partition(",")[0]
     variables = list(dict.fromkeys([*[region.variable for region in where[:1]], best, axis, f"v_{axis}"]))[:2]
-    shown, _ = max(pairs, key=lambda pair: float(np.mean(pair[0].mean ** 2)))
+    shown, _ = max(pairs, key=lambda pair: float(np.nanmean(pair[0].mean ** 2)))
     spans = [(i.start, i.stop) for i in when if i.recording == shown.recording]
 
     def draw(figure: FigureBase) -> None:
         grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 1.35))
         course = figure.add_subplot(grid[0, :])
-        low, high = factor * (shown.mean - 2 * shown.std), factor * (shown.mean + 2 * shown.std)
-        course.fill_between(shown.times, low, high, color=NOISE, alpha=0.7, linewidth=0, label="95 %")
         course.plot(shown.times, factor * shown.mean, color=BEFORE, label="missing force")
         course.axhline(0, color="#808080", linewidth=0.8)
         for start, stop in spans:
@@ -76,10 +71,10 @@ def draw_missing(
         course.set_xlim(0.0, float(shown.times[-1]))
         course.set_xlabel(f"time in {shortened(shown.recording)} [s]")
         course.set_ylabel(f"{quantity} [{unit}]")
-        course.legend(loc="upper right", ncols=2)
+        course.legend(loc="upper right")
         panels = [figure.add_subplot(grid[1, k]) for k in range(len(variables))]
         for panel, variable in zip(panels, variables, strict=True):
-            _against(panel, pairs, axis, variable, widest, factor)
+            _against(panel, pairs, axis, variable, factor)
             shown_unit = pretty_unit(variable_unit(variable, units)).replace("rad", "deg")
             panel.set_xlabel(f"{variable_name(variable)} [{shown_unit}]")
             panel.axhline(0, color="#808080", linewidth=0.8)
@@ -95,7 +90,9 @@ def draw_missing(
         if panels[0].get_legend_handles_labels()[0]:
             panels[0].legend(loc="best")
 
-    told = "Smoothed from the recordings, no law assumed. Lines: median in each direction."
+    told = (
+        "Smoothed from the recordings, no law assumed; gaps where they do not tell it. Lines: median in each direction."
+    )
     if where or spans:
         told += " Shaded: where or when it sits."
     return picture(name, f"Missing {quantity}", 5.6, draw, told)
@@ -106,13 +103,12 @@ def _against(
     pairs: Sequence[tuple[MissingForce, Trace]],
     axis: str,
     variable: str,
-    widest: float,
     factor: float,
 ) -> None:
     """Points and running medians, each direction of motion by itself."""
     values, forces, speeds = [], [], []
     for force, trace in pairs:
-        known = force.std < _SURE * widest
+        known = np.isfinite(force.mean)
         values.append(_at(force, trace, variable)[known])
         speeds.append(_at(force, trace, f"v_{axis}")[known])
         forces.append(factor * force.mean[known])
