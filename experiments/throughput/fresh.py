@@ -22,6 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import jax
+
 import jbridge
 from problem import bare, batch, load_model
 
@@ -54,8 +56,6 @@ def best_of(run: Callable[[], Any], repeats: int = 3) -> float:
 
 def compiled(function: Any, *arguments: Any) -> tuple[float, Any]:
     """Seconds to trace and compile, and the program."""
-    import jax
-
     begun = time.perf_counter()
     program = jax.jit(function).lower(*arguments).compile()
     return time.perf_counter() - begun, program
@@ -78,7 +78,6 @@ def gradients(lanes: str, seconds: str) -> dict[str, float]:
 
     In blocks that fit a core's cache, one on each core.
     """
-    import jax
     import numpy as np
 
     import ours
@@ -145,5 +144,8 @@ if __name__ == "__main__":
         "compile": compile_times, "gradient": gradients, "few": few, "plain": few, "memory": memory
     }  # fmt: skip
     kind, *words = sys.argv[1:]
-    jbridge.set_up(cache=False, whole_loops=kind != "plain")
+    if kind == "plain":
+        jax.config.update("jax_enable_x64", True)
+    else:
+        jbridge.set_up(cache=False)
     print(json.dumps(kinds[kind](*words)))

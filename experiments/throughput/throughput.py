@@ -166,7 +166,7 @@ def main() -> None:
     if chosen.figures:
         draw.everything(json.loads(DATA.read_text()), ROOT / "figures")
         return
-    jbridge.set_up(cache=False, whole_loops=True)
+    jbridge.set_up(cache=False)
     saved = measured(chosen.quick)
     if chosen.quick:
         print("\n".join(draw.aims(saved)))

@@ -187,7 +187,7 @@ def main() -> None:
     if not arguments.figures:
         if not FITTED.exists():
             sys.exit(f"{FITTED.relative_to(ROOT)}: not there yet; run python experiments/paper/run.py first")
-        jbridge.set_up(whole_loops=True)
+        jbridge.set_up()
         controllers(Bench(), set(arguments.only or CONTROLLERS))
     if DATA.exists():
         jbridge.save_comparison(ROOT / "figures", DATA, OUT)

@@ -55,7 +55,8 @@ class Structure:
     def places(self, name: Name) -> list[int]:
         """Where the free parameters of an added effect stand."""
         groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in self.keys[name]]
-        return [p for group in groups for p in self.space.table.positions(group)]
+        free = set(self.point.free.tolist())
+        return [p for group in groups for p in self.space.table.positions(group) if p in free]
 
 
 def base_structure(problem: Problem, space: Space, point: Point) -> Structure:

@@ -85,6 +85,7 @@ def test_levels_beside_a_plain_friction_are_told_from_it(found):
     np.testing.assert_allclose(added.positive, [1.0, 2.0, 3.0])
     np.testing.assert_allclose(added.negative, [3.0, 0.0, 1.0])
     assert set(free) - set(after.point.free) == {space.table.positions(names[2])[1]}
+    assert weighed(problem, after).price > 0.0
 
 
 CHAIN, SPRING = ("cable_drag", "cart"), ("spring_force", "cart")
