@@ -10,13 +10,11 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 import jax
 import pytest
 
-jax.config.update("jax_enable_x64", True)
+import jbridge
+
+jbridge.set_up()
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
-
-_caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-jax.config.update("jax_compilation_cache_dir", str(_caches / "jbridge" / "jax"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 20_000
