@@ -142,7 +142,7 @@ def _told(
     return Diagnosis(
         verdict,
         complete,
-        {**({} if checked.share is None else {"all": checked.share}), **checked.explained},
+        _with_mean(checked.explained),
         search.stopped,
         statement,
         Adequacy(
@@ -175,6 +175,10 @@ def _told(
         dataclasses.asdict(CRITERIA) | {"seed": 0},
         time.perf_counter() - begun,
     )
+
+
+def _with_mean(explained: Mapping[str, float]) -> dict[str, float]:
+    return {"all": float(np.mean(list(explained.values()))), **explained} if explained else {}
 
 
 def _horizons(checked: Validation) -> tuple[Horizon, ...]:

@@ -82,18 +82,15 @@ class Validation:
     train_after: Evaluation
     explained: dict[str, float]
     """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel in which
-    it is larger than the noise."""
+    it is larger than the noise,"""
+    share: float | None
+    """and of all channels' together, each in units of its noise."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
 
     @property
     def confirmed(self) -> tuple[Checked, ...]:
         return tuple(c for c in self.checked if c.status == "confirmed")
-
-    @property
-    def share(self) -> float | None:
-        """Mean of `explained` over channels."""
-        return float(np.mean(list(self.explained.values()))) if self.explained else None
 
     def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float]:
         """Error over what the true model would leave, or over measured scatter where that is larger: the largest, its
@@ -147,9 +144,8 @@ def validate(
     final = of_its_own(found) if found.names else given
     train_before = own.evaluate(given.plant, given.engine)
     if not found.names:
-        return Validation(
-            (), given, given, before, before, train_before, train_before, {}, _scatters(problem, holdout, before)
-        )
+        scatters = _scatters(problem, holdout, before)
+        return Validation((), given, given, before, before, train_before, train_before, {}, None, scatters)
     complete = judge.evaluate(final.plant, final.engine)
     criterion = likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
@@ -178,6 +174,7 @@ def validate(
         train_before,
         own.evaluate(final.plant, final.engine),
         _explained(before, sure),
+        _share(before, sure),
         _scatters(problem, holdout, before),
     )
 
@@ -203,11 +200,18 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
-    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
+    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, None, {})
 
 
-def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:
-    """Share of the excess squared error that is closed, by channel in which it is larger than the noise.
+def _explained(before: Evaluation, after: Evaluation) -> dict[str, float]:
+    """Share of the excess squared error that a model closes, by channel in which it is larger than the noise."""
+    horizon, axes = _shown(before)
+    first, last = before.excess(horizon), after.excess(horizon)
+    return {axis: 1.0 - last[axis] / first[axis] for axis in axes}
+
+
+def _share(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> float | None:
+    """Share of the excess squared error of all channels that a model closes, each channel in units of its noise.
 
     Args:
         before: the model as given.
@@ -215,8 +219,10 @@ def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None 
         beside: one that is compared with it in place of the model as given.
     """
     horizon, axes = _shown(before)
-    first, last, other = before.excess(horizon), after.excess(horizon), (beside or before).excess(horizon)
-    return {axis: (other[axis] - last[axis]) / max(first[axis], other[axis]) for axis in axes}
+    if not axes:
+        return None
+    first, last, other = (run.excess_over_noise(horizon) for run in (before, after, beside or before))
+    return (other - last) / max(first, other)
 
 
 def _one_second(run: Evaluation) -> float:
@@ -253,8 +259,7 @@ def _checked(
     error = math.sqrt(max(variance, 1.0) / len(root))
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     limit = float(student.ppf(_NORMAL_SHARE, freedom))
-    shares = _explained(before, complete, run)
-    explained = float(np.mean(list(shares.values()))) if shares else None
+    explained = _share(before, complete, run)
     if mean > limit * error:
         return Checked(name, "confirmed", explained, total, mean / error)
     keys = {key.rsplit(".", 1)[1] for key in final.table.names() if key.startswith(f"{name[0]}@{name[1]}.")}

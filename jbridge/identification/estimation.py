@@ -24,6 +24,8 @@ _HISTORY = 0.6
 """Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""
 _FIRST, _NEXT = 6, 12
 """Iterations on the shorter windows, and on all."""
+_SOME = 3
+"""Recordings on which fits from several starts are compared."""
 _ELSEWHERE = (1.0 / 3.0, 3.0)
 """Lags and delays from which a fit is tried again, over those that it found."""
 
@@ -115,7 +117,7 @@ class Problem:
         time constants than the true one: between them it rises by little, but it rises.
         """
         times = [int(p) for p in point.free if engine.table.entry(int(p)).info.unit == "s" and point.vector[p] > 0.0]
-        low = self.shortest()
+        low = self.shortest().of_some(_SOME)
         states = self.states_of(point.states, low)
         starts = [Start(point.vector, point.free, states)]
         for place in times:

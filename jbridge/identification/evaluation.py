@@ -107,6 +107,11 @@ class Evaluation:
                 out[axis] = float(np.sum((self.square[own, k] - 1.0) * variance * count))
         return out
 
+    def excess_over_noise(self, horizon: float) -> float:
+        """The same of all channels together, each over the noise's variance."""
+        own = self.of(horizon)
+        return float(np.sum((self.square[own] - 1.0) * self.windows.count[own]))
+
     def as_errors(self) -> Errors:
         """Errors of free runs and of windows."""
         return Errors(self.errors(WHOLE), self.errors(WINDOW))
