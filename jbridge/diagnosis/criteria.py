@@ -14,8 +14,9 @@ class Criteria:
     """Share of the excess squared error of the hold-out that confirmed effects must close for `missing_physics`."""
     confirmed: float = 2.0
     """Standard errors over blocks by which the hold-out must be met worse without an effect for it to be confirmed."""
-    veto: float = 1.0
-    """Standard errors by which a move may lose on blocks that are left out."""
+    sure: float = 1.0
+    """Standard errors by which a larger model must gain on blocks that are left out: within one of them the smaller
+    model stays. Half of it adds effects that imitate what has no name, twice of it misses such as act in few blocks."""
     block: float = 3.0
     """Shortest block of a recording [s] for standard errors, where there are fewer than six recordings."""
     refitted: int = 9

@@ -32,6 +32,12 @@ def is_apart(kind: str) -> bool:
     return cls is not None and (issubclass(cls, _APART) or bool(cls.beside))
 
 
+def happens_once(kind: str) -> bool:
+    """Whether an effect is an event with a time of its own, which no other stretch of the recordings tells of."""
+    cls = CATALOGUE.get(kind)
+    return cls is not None and bool({"time", "start"} & set(parameters_of(cls)))
+
+
 @dataclasses.dataclass(frozen=True)
 class Space:
     """A plant with every effect that shares its program, and the vector at which all that is not given is absent."""

@@ -11,7 +11,7 @@ from ..identification.solver import Normal, Point, bounded_step, ties
 from ..model.plant import Plant
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
-from .space import Name, Space
+from .space import Name, Space, happens_once
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -112,12 +112,33 @@ def with_own_levels(structure: Structure) -> Structure:
 
 
 def accepts(now: Structure, then: Structure) -> bool:
+    """Whether another model takes the place of one: the criterion is lower, and what a larger model gains, it gains
+    on blocks that are left out, too. Effects that imitate what has no name gain on those from which they are
+    estimated."""
     if not then.value < now.value:
         return False
-    gain = now.blocks - then.blocks
-    error = float(np.std(gain, ddof=1) * math.sqrt(len(gain))) if len(gain) > 1 else 0.0
-    # What has fewer numbers may lose on blocks what they cost.
-    return len(then.point.free) < len(now.point.free) or float(gain.sum()) > -CRITERIA.veto * error
+    added = set(then.names) - set(now.names)
+    if len(then.point.free) < len(now.point.free) or any(happens_once(kind) for kind, _ in added):
+        return True
+    steady, _ = steadiness(now.blocks - then.blocks)
+    return steady > CRITERIA.sure
+
+
+_KNOWN = 2
+"""Blocks that the variance of noise counts for."""
+
+
+def steadiness(gain: NDArray[np.float64]) -> tuple[float, int]:
+    """How steadily a model gains over blocks: a mean over its standard error, and that one's degrees of freedom.
+
+    The mean is of the signed root of twice the gain, which grows with an effect, and to which noise gives a variance of
+    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. There may be
+    two blocks: the variance of noise is known beforehand like one that some more of them have shown.
+    """
+    root = np.sign(gain) * np.sqrt(2.0 * np.abs(gain))
+    freedom = _KNOWN + len(root) - 1
+    variance = (_KNOWN + float(np.sum((root - root.mean()) ** 2))) / freedom
+    return float(root.mean()) / math.sqrt(max(variance, 1.0) / len(root)), freedom
 
 
 def leaves_nothing(problem: Problem, structure: Structure) -> bool:

@@ -25,15 +25,13 @@ from ..recordings import Recording
 from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
 from .holdout import HoldOut
-from .space import Name, is_apart
-from .structure import Structure
+from .space import Name, happens_once, is_apart
+from .structure import Structure, steadiness
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
 """Horizons on which models are compared, those of the criterion."""
 _REFIT = 8
 """Iterations of a fit without one of the effects."""
-_ONCE = frozenset({"time", "start"})
-"""Parameters of what happens once."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,7 +153,7 @@ def validate(
         reduced = _refitted(problem, final, base, [name])
         run = judge.evaluate(reduced.plant, reduced.engine)
         loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-        checked.append(_checked(name, loss, before, complete, run, final))
+        checked.append(_checked(name, loss, before, complete, run))
     events = [c.name for c in checked if c.status == "event"]
     if events:
         final = _refitted(problem, final, base, events, own=True)
@@ -242,33 +240,17 @@ def _shown(before: Evaluation) -> tuple[float, list[str]]:
 
 
 def _checked(
-    name: Name,
-    loss: NDArray[np.float64],
-    before: Evaluation,
-    complete: Evaluation,
-    run: Evaluation,
-    final: Fixed,
+    name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
 ) -> Checked:
-    total = float(loss.sum())
-    # The signed root of a likelihood ratio grows with the effect, and noise gives it a variance of 1. So blocks that
-    # excite an effect little do not speak against it, as they would by their bare losses.
-    root = np.sign(loss) * np.sqrt(2.0 * np.abs(loss))
-    mean, freedom = float(root.mean()), _KNOWN + len(root) - 1
-    # A hold-out may have two blocks: that variance is known beforehand like one that some more of them have shown.
-    variance = (_KNOWN + float(np.sum((root - mean) ** 2))) / freedom
-    error = math.sqrt(max(variance, 1.0) / len(root))
-    # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
-    limit = float(student.ppf(_NORMAL_SHARE, freedom))
+    total, (steady, freedom) = float(loss.sum()), steadiness(loss)
     explained = _share(before, complete, run)
-    if mean > limit * error:
-        return Checked(name, "confirmed", explained, total, mean / error)
-    keys = {key.rsplit(".", 1)[1] for key in final.table.names() if key.startswith(f"{name[0]}@{name[1]}.")}
-    once = bool(_ONCE & keys) and total <= 0.0
-    return Checked(name, "event" if once else "suggested", explained, total, mean / error)
+    # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
+    if steady > float(student.ppf(_NORMAL_SHARE, freedom)):
+        return Checked(name, "confirmed", explained, total, steady)
+    once = happens_once(name[0]) and total <= 0.0
+    return Checked(name, "event" if once else "suggested", explained, total, steady)
 
 
-_KNOWN = 2
-"""Blocks that the variance of noise counts for."""
 _NORMAL_SHARE = 0.977250
 """Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
 
