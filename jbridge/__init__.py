@@ -79,7 +79,6 @@ if TYPE_CHECKING:
     from jbridge.rollout import play as play
     from jbridge.signals import Path as Path
     from jbridge.signals import smooth_path as smooth_path
-    from jbridge.sweep.processes import join as join
     from jbridge.sweep.run import SweepResult as SweepResult
     from jbridge.sweep.run import read_sweep as read_sweep
     from jbridge.sweep.run import run_sweep as run_sweep
@@ -166,7 +165,6 @@ _HOMES = {
     "identifiability": "identification.identifiability",
     "idle_parts": "fuzzy.check",
     "inspect_recordings": "recordings",
-    "join": "sweep.processes",
     "knobs_of": "tuning.knobs",
     "linear_model": "tuning.linearise",
     "load_controller": "control.files",
@@ -268,7 +266,6 @@ __all__ = [
     "identifiability",
     "idle_parts",
     "inspect_recordings",
-    "join",
     "knobs_of",
     "linear_model",
     "load_controller",

@@ -7,6 +7,7 @@ written; 130 when interrupted. Everything else is a bug and shows its traceback.
 import argparse
 import contextlib
 import errno
+import importlib.util
 import io
 import os
 import shutil
@@ -104,8 +105,9 @@ Runs a controller on many bridges: every point of a grid or of a sample of
 parameters of model, controller and reference.
 
 DIR receives part-*.parquet (a row for each rollout: its parameters and how the
-move went), sweep.json (units, versions, seed, what was asked) and failures.csv.
-A sweep that was interrupted goes on where it stopped when it is called again.
+move went) and nothing else, so that it reads as one table. DIR.sweep.json has
+units, versions, seed and what was asked, DIR.failures.csv what ran away. A sweep
+that was interrupted goes on where it stopped when it is called again.
 """
 _FIGURES = """\
 Redraws the figures and tables of the paper from saved data, each with the
@@ -340,9 +342,10 @@ def _sweep(arguments: argparse.Namespace, progress: "_Progress") -> None:
         raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
     progress("reading")
     jbridge.set_up(arguments.cache)
-    jbridge.join(arguments.coordinator, arguments.processes, arguments.process)
     question = jbridge.load_sweep(arguments.spec)
-    result = jbridge.run_sweep(question, arguments.out, progress=progress)
+    result = jbridge.run_sweep(
+        question, arguments.out, workers=arguments.workers, scheduler=arguments.scheduler, progress=progress
+    )
     progress.clear()
     done = f"{result.count:,} rollouts, {result.failed:,} failed, in {result.seconds:.1f} s"
     kept = result.count - result.computed
@@ -516,9 +519,11 @@ def _parser() -> _Parser:
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
     sweep.add_argument("--out", metavar="DIR", required=True, help="folder for the results; those that it has are kept")
-    sweep.add_argument("--coordinator", metavar="HOST:PORT", help="of a sweep by several processes; `auto` under Slurm")
-    sweep.add_argument("--processes", type=int, metavar="N", help="how many there are")
-    sweep.add_argument("--process", type=int, metavar="I", help="which of them this is, from 0")
+    sweep.add_argument(
+        "--workers", type=_count, default=_workers(), metavar="N",
+        help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
+    )  # fmt: skip
+    sweep.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
     figures = _command(commands, "figures", "the paper's figures and tables", _FIGURES, _figures)
     figures.epilog = "example:\n  jbridge figures"
     figures.add_argument(
@@ -533,6 +538,17 @@ def _parser() -> _Parser:
         )
         command.add_argument("--quiet", action="store_true", help="print nothing but errors")
     return parser
+
+
+def _workers() -> int:
+    """One process beside this one, which is replaced if it dies, where dask.distributed is installed."""
+    return 1 if importlib.util.find_spec("distributed") else 0
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) > 1024:
+        raise argparse.ArgumentTypeError(f"{text}: give a whole number from 0 to 1024")
+    return int(text)
 
 
 def _budget(text: str) -> float:

@@ -41,8 +41,6 @@ class Move:
     start: Start
     absent: NDArray[np.float64] | None = None
     """The parameters at which what is added is absent."""
-    told_apart: bool = False
-    """Whether no other addition on its axis came near it when proposals were refitted."""
     promise: float = 0.0
     """What it should gain beyond its price, by its fit to a part of the windows or by their quadratics."""
 
@@ -95,14 +93,11 @@ def added(
     first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
     others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
     kept = list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1]
-    near = math.log(1.0 / CRITERIA.apart)
     moves = []
     for tried in (order[k] for k in sorted(kept)):
         candidate = tried.candidate
-        rivals = [t.promise for t in order if t is not tried and t.axis == tried.axis]
         move = _with(problem, part, now, among, candidate, tried.point, choice[candidate.name])
-        apart = max(rivals, default=-math.inf) < tried.promise - near
-        moves.append(dataclasses.replace(move, told_apart=apart, promise=tried.promise))
+        moves.append(dataclasses.replace(move, promise=tried.promise))
     return moves
 
 

@@ -124,8 +124,7 @@ def _larger(
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
-        alone = {frozenset(move.names) for move in moves if move.told_apart}
-        others = [s for s in good[1:] if frozenset(s.names) in alone]
+        others = [s for s in good[1:] if _told_apart(now, s, found)]
         best = _with_other_axes(problem, now, good[0], others, seen, deadline)
         if best is not good[0]:
             found.append(best)
@@ -137,6 +136,17 @@ def _larger(
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
     return found
+
+
+def _told_apart(now: Structure, then: Structure, tried: Sequence[Structure]) -> bool:
+    """Whether no other addition on its axis comes near an added effect."""
+
+    def axes(structure: Structure) -> set[str]:
+        return {axis_of(name) for name in structure.names if name not in now.names}
+
+    near = math.log(1.0 / CRITERIA.apart)
+    rivals = [s.value for s in tried if s is not then and axes(s) & axes(then)]
+    return bool(axes(then)) and min(rivals, default=math.inf) > then.value + near
 
 
 def _with_other_axes(

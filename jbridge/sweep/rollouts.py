@@ -34,7 +34,11 @@ _LATE = 0.75
 class Rollouts:
     """The rollouts of a sweep, ready to run in chunks."""
 
-    def __init__(self, sweep: Sweep):
+    def __init__(self, sweep: Sweep, threads: int | None = None):
+        """Args:
+        sweep: what is asked.
+        threads: of a processor that compute side by side; by default as many as it has cores.
+        """
         self.sweep = sweep
         self.names = (*UNITS, "sound")
         devices = jax.local_devices()
@@ -43,7 +47,7 @@ class Rollouts:
         whole = min(sweep.chunk, _ABREAST) if on_cores else sweep.chunk
         # Every device takes the same number of lanes; what is too much repeats the last one.
         self._lanes = len(devices) * math.ceil(whole / len(devices))
-        self._threads = (os.cpu_count() or 1) if on_cores else 1
+        self._threads = (threads or os.cpu_count() or 1) if on_cores else 1
         with self._precision():
             self._run = jax.jit(jax.vmap(_one(sweep)))
 

@@ -1,9 +1,10 @@
 """Runs a sweep chunk by chunk into a folder that any interruption leaves whole.
 
-Results are Parquet files, one a chunk: a table is what summaries of rollouts are, every language reads it, a chunk is
-written in one go, and units and specification travel in its metadata. (Zarr is made for dense arrays, which a random
-sample of parameters is not.) A chunk is complete or absent, and the same whenever it is computed, so that a sweep
-which was killed goes on where it stopped and ends with the same bits.
+Results are Parquet files, one a chunk, and nothing else is in the folder, so that every reader of Parquet takes it for
+one table: a table is what summaries of rollouts are, a chunk is written in one go, and units and specification travel
+in its metadata. (Zarr is made for dense arrays, which a random sample of parameters is not.) A chunk is complete or
+absent, and the same whenever and wherever it is computed, so that a sweep which was killed goes on where it stopped and
+ends with the same bits.
 """
 
 import csv
@@ -12,7 +13,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -49,42 +50,58 @@ class SweepResult:
 
 
 def run_sweep(
-    question: Sweep, folder: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
+    question: Sweep,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int = 0,
+    scheduler: str | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> SweepResult:
     """Runs every rollout of a sweep that its folder does not hold yet.
 
-    Under `jax.distributed` every process computes and writes chunks of its own.
-
     Args:
         question: what to ask.
-        folder: where results go: `part-*.parquet`, sweep.json, failures.csv.
+        folder: where results go: `part-*.parquet` and nothing else. What was asked lies beside it in
+            `FOLDER.sweep.json`, rollouts that failed in `FOLDER.failures.csv`.
+        workers: processes of `dask.distributed` on this machine; one that dies is replaced. With 0, and for a single
+            chunk, this process computes.
+        scheduler: address of a running scheduler of `dask.distributed`, whose workers see the same folder.
         progress: told how far it is, how fast, and how long it still takes.
 
     Raises:
-        InputError: the folder holds the results of another question, or cannot be written.
+        InputError: the folder holds the results of another question, or cannot be written; `dask.distributed` is not
+            installed, or its scheduler not there.
     """
     begun = time.perf_counter()
     target = Path(folder)
     tell = progress or (lambda text: None)
     chunks = _chunks(question)
-    _claim(target, question)
-    mine = range(jax.process_index(), chunks, jax.process_count())
-    missing = [number for number in mine if not _part(target, number).exists()]
+    _refuse_others(target, question)
+    missing = [number for number in range(chunks) if not _part(target, number).exists()]
     computed = 0
     if missing:
         tell("compiling")
-        rollouts = Rollouts(question)
         start, total = time.perf_counter(), sum(_size(question, number) for number in missing)
-        for number in missing:
-            computed += _compute(rollouts, question, target, number)
-            left = total - computed
+        for done in _computed(question, target.absolute(), missing, workers, scheduler):
+            computed += done
             rate = computed / max(time.perf_counter() - start, 1e-9)
-            tell(f"{computed:,} rollouts, {rate:,.0f} a second, {_duration(left / rate)} left")
-    _meet()
-    failed = 0
-    if jax.process_index() == 0:
-        failed = _conclude(target, question, chunks)
+            tell(f"{computed:,} rollouts, {rate:,.0f} a second, {_duration((total - computed) / rate)} left")
+    failed = _conclude(target, question, chunks)
     return SweepResult(target, question.design.count, failed, computed, time.perf_counter() - begun)
+
+
+def _computed(
+    question: Sweep, folder: Path, missing: Sequence[int], workers: int, scheduler: str | None
+) -> Iterator[int]:
+    """Number of rollouts of each chunk, when it is written."""
+    if scheduler is None and (workers == 0 or len(missing) == 1):
+        rollouts = Rollouts(question)
+        for number in missing:
+            yield write_chunk(rollouts, folder, number)
+        return
+    from .cluster import computed
+
+    yield from computed(question, folder, missing, workers, scheduler)
 
 
 def read_sweep(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
@@ -112,24 +129,37 @@ def _part(folder: Path, number: int) -> Path:
     return folder / f"part-{number:06d}.parquet"
 
 
+def _beside(folder: Path, ending: str) -> Path:
+    return folder.with_name(f"{folder.name}.{ending}")
+
+
+def _refuse_others(folder: Path, question: Sweep) -> None:
+    """Refuses a folder that holds the results of another question; writes nothing."""
+    mark = _beside(folder, "sweep.json")
+    try:
+        if mark.exists():
+            if read_json(mark).get("identity") != question.identity:
+                raise InputError(
+                    f"{folder}: holds the results of another sweep; choose another --out, or delete it and {mark}"
+                )
+        elif any(folder.glob("part-*.parquet")):
+            raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
+    except ValueError:
+        raise InputError(f"{mark}: damaged; choose another --out, or delete it and the folder") from None
+    except OSError as error:
+        raise InputError(f"{mark}: cannot be read ({error.strerror}); choose another --out") from None
+
+
 def _claim(folder: Path, question: Sweep) -> None:
-    """Makes the folder this sweep's, or finds that it is."""
-    mark = folder / "question.json"
+    """Makes the folder this sweep's; of two sweeps that do so at the same moment one is refused."""
+    mark = _beside(folder, "sweep.json")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not mark.exists():
-            if any(folder.glob("part-*.parquet")):
-                raise InputError(f"{folder}: holds results of unknown origin; choose another --out")
             create_text(mark, json.dumps(_about(question), indent=1) + "\n")
-        # Another sweep may have claimed the folder at the same moment.
-        if read_json(mark).get("identity") != question.identity:
-            raise InputError(
-                f"{folder}: holds the results of another sweep; choose another --out, or delete this folder"
-            )
-    except ValueError:
-        raise InputError(f"{mark}: damaged; choose another --out, or delete this folder") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
+    _refuse_others(folder, question)
 
 
 def _about(question: Sweep) -> dict[str, Any]:
@@ -159,10 +189,16 @@ def _units(question: Sweep) -> dict[str, str]:
     return found | UNITS
 
 
-def _compute(rollouts: Rollouts, question: Sweep, folder: Path, number: int) -> int:
+def write_chunk(rollouts: Rollouts, folder: Path, number: int) -> int:
+    """Computes one chunk and writes its file; returns the number of its rollouts.
+
+    The folder becomes this sweep's with the first chunk that is there to be written: what fails before leaves no trace.
+    """
+    question = rollouts.sweep
     start = number * question.chunk
     rows = question.design.points(start, start + question.chunk)
     found = rollouts(rows)
+    _claim(folder, question)
     columns: dict[str, Any] = {"index": np.arange(start, start + len(rows))}
     columns |= {axis.name: rows[:, k] for k, axis in enumerate(question.design.axes)}
     table = pa.table(columns | found)
@@ -180,19 +216,14 @@ def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
         raise InputError(f"{part}: damaged; delete it and call the sweep again, which computes it anew") from None
 
 
-def _meet() -> None:
-    """Waits until every process has come here."""
-    if jax.process_count() > 1:
-        from jax.experimental import multihost_utils
-
-        multihost_utils.sync_global_devices("sweep finished")
-
-
 def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
     """Counts and lists the failures."""
     failed = 0
     names = ["index", *(axis.name for axis in question.design.axes)]
-    with replacing(folder / "failures.csv") as partial, open(partial, "w", newline="", encoding="utf-8") as file:
+    with (
+        replacing(_beside(folder, "failures.csv")) as partial,
+        open(partial, "w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(names)
         for number in range(chunks):
@@ -201,7 +232,7 @@ def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
             for row in bad[: max(_LISTED - failed, 0)]:
                 writer.writerow([table.column(name)[int(row)].as_py() for name in names])
             failed += len(bad)
-    replace_text(folder / "sweep.json", json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
+    replace_text(_beside(folder, "sweep.json"), json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
     return failed
 
 

@@ -185,19 +185,22 @@ def variable_names(model: Model, controller: Controller) -> tuple[str, ...]:
     )
 
 
-def _possible(name: str) -> tuple[float, float]:
-    """The least and the largest value of what is varied; a plant may be one that no rig is."""
+def _possible(table: ParameterTable, name: str) -> tuple[float, float]:
+    """The least and the largest value of what is varied: of a plant's numbers those of their laws."""
     if name == "reference.rest":
         return 0.0, _LARGEST
-    if name != "reference.x" and name.startswith(("reference.", "controller.")):
+    if name == "reference.x":
+        return -_LARGEST, _LARGEST
+    if name.startswith(("reference.", "controller.")):
         return 1 / _LARGEST, _LARGEST  # lengths, speeds, scales and a time constant
-    return -_LARGEST, _LARGEST
+    info = table.entry(table.positions(name)[0]).info
+    return max(info.low, -_LARGEST), min(info.high, _LARGEST)
 
 
 def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tuple[Axis, ...]:
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         file.refuse("nothing is varied; add a [[vary]] table with name, low and high")
-    every = variable_names(model, controller)
+    every, parameters = variable_names(model, controller), ParameterTable(model.plant)
     axes: list[Axis] = []
     for number, table in enumerate(tables, start=1):
         where = file.within(f"[[vary]] {number}")
@@ -213,7 +216,7 @@ def _axes(file: Where, tables: Any, model: Model, controller: Controller) -> tup
         low, high = table.get("low", min(values, default=None)), table.get("high", max(values, default=None))
         if not _is_number(low) or not _is_number(high) or low > high:
             where.refuse("low and high are not the ends of a range; write low = 0.1 and high = 0.2")
-        least, most = _possible(name)
+        least, most = _possible(parameters, name)
         lowest, highest = min([low, *values]), max([high, *values])
         if not least <= lowest <= highest <= most:
             where.refuse(f"{name} cannot go from {lowest:g} to {highest:g}; stay within {least:g} to {most:g}")
