@@ -46,7 +46,8 @@ def computed(
         import distributed
     except ImportError:
         raise InputError(
-            "sweeps by several processes need dask.distributed, which is not installed; install jbridge with its extra 'cluster'"
+            "sweeps by several processes need dask.distributed, which is not installed; install jbridge with its extra "
+            "'cluster'"
         ) from None
     # Arrays are unpacked by the worker itself when it is set up for double precision, hence bytes.
     content, left = pickle.dumps(question), iter(missing)
