@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from jbridge.collect import AbstractSummary as AbstractSummary
     from jbridge.collect import Every as Every
     from jbridge.collect import Everything as Everything
+    from jbridge.compilation import set_up as set_up
     from jbridge.control.base import Reference as Reference
     from jbridge.control.compensation import Compensation as Compensation
     from jbridge.control.extended import extended_controller as extended_controller
@@ -207,6 +208,7 @@ _HOMES = {
     "tune": "tuning.tune",
     "usual_goal": "tuning.objectives",
     "with_values": "model.parameters",
+    "set_up": "compilation",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
 
@@ -313,51 +315,6 @@ __all__ = [
 
 
 connect(lambda: importlib.import_module(f"{__name__}.report.displays"))
-
-
-def set_up(cache: bool = True) -> None:
-    """Turns on double precision, which every result needs, makes loops over time one kernel on a processor, which takes
-    a third of the time, and keeps programs from one run to the next.
-
-    To be called once, before anything is computed, by whoever starts the computation: commands, experiments, notebooks.
-
-    Args:
-        cache: whether to keep programs, traced and compiled, in the user's cache folder (`$XDG_CACHE_HOME` or
-            `~/.cache`). A folder that cannot be written costs time and changes nothing.
-    """
-    import contextlib
-    import os
-    import warnings
-    from pathlib import Path
-
-    import jax
-
-    from ._programs import keep_in
-
-    jax.config.update("jax_enable_x64", True)
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _WHOLE_LOOPS not in flags:
-        # Whole vectors of a processor that has wide ones; the compiler's own choice is half of them.
-        width = "" if _VECTOR_WIDTH in flags else f"{_VECTOR_WIDTH}=512"
-        os.environ["XLA_FLAGS"] = f"{flags} {_WHOLE_LOOPS}=100000000 {width}".strip()
-    keep_in(None)
-    if not cache:
-        return
-    try:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge" / "jax"
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # no home, or one that is read-only
-        return
-    with contextlib.suppress(OSError):
-        keep_in(folder.parent / "programs")
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
-
-
-_WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold"
-"""Size of a loop's state [byte] up to which the compiler makes one kernel of it; its default is 1 KiB."""
-_VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
 
 
 def __getattr__(name: str) -> Any:

@@ -29,6 +29,9 @@ known = ["cart_mass", "load_mass", "gravity"]
 """
 
 
+COMMANDS = ("simulate", "check", "fit", "diagnose", "control", "tune", "export", "sweep", "figures")
+
+
 @pytest.fixture
 def rig(tmp_path, monkeypatch):
     """A folder with a model and recordings, in which the command runs, with the computations replaced."""
@@ -117,6 +120,20 @@ def test_quiet_leaves_files_and_errors(rig, calls, capsys, monkeypatch):
     assert main(["fit", "model.toml", "absent.csv", "--out", "new", "--quiet"]) == 2
     out, err = capsys.readouterr()
     assert out == "" and err.startswith("jbridge: absent.csv") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "keys"),
+    [
+        ("fit model.toml a.csv --out new", {"out", "schema", "seconds"}),
+        ("diagnose model.toml a.csv b.csv --out new", {"out", "verdict", "effects"}),
+        ("simulate model.toml --input a.csv --out new.csv", {"out", "rows", "columns"}),
+        ("check a.csv", {"recordings", "mismatch"}),
+    ],
+)
+def test_json_is_one_object_and_nothing_else(rig, calls, capsys, line, keys):
+    assert main([*line.split(), "--json"]) == 0
+    assert keys <= json.loads(capsys.readouterr().out).keys()
 
 
 def test_simulate_writes_the_channels(rig, calls, capsys):
@@ -284,7 +301,7 @@ def test_the_cache_can_be_left_out(rig, calls, monkeypatch):
     assert asked == [True, False]
 
 
-@pytest.mark.parametrize("command", [[], ["check"], ["simulate"], ["fit"], ["diagnose"]])
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])
 def test_help_has_an_example_and_loads_no_jax(command):
     code = (
         "import sys; from jbridge.cli import main\n"

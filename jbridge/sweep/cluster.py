@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..compilation import set_up
 from ..errors import InputError
 from .rollouts import Rollouts
 from .run import write_chunk
@@ -91,8 +92,6 @@ def _chunk(content: bytes, folder: str, number: int) -> int:
     """One chunk, on a thread of a worker."""
     with _preparing:
         if content not in _prepared:
-            from .. import set_up
-
             set_up()
             _prepared.clear()
             _prepared[content] = Rollouts(pickle.loads(content), threads=1)

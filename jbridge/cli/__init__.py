@@ -1,0 +1,85 @@
+"""The command `jbridge`: check, simulate, fit, diagnose, control, tune, export, sweep, figures.
+
+Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
+written; 130 when interrupted. Everything else is a bug and shows its traceback.
+"""
+
+import argparse
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+import jbridge
+from jbridge import InputError
+
+from . import check, control, diagnose, export, figures, fit, simulate, sweep, tune
+from .common import Console, Parser
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What the system says where a disk, or the share of it that one may use, is full."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command and returns its exit status.
+
+    Args:
+        argv: arguments, those of the process by default.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            # A terminal that lacks a sign such as the degree's gets another one instead of an error.
+            stream.reconfigure(errors="replace")
+    console = Console()
+    try:
+        arguments = _parser().parse_args(argv)
+        console.set_style(arguments.style)
+        arguments.run(arguments, console)
+        sys.stdout.flush()
+        return 0
+    except InputError as error:
+        console.clear()
+        print(f"jbridge: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        console.clear()
+        print("jbridge: interrupted; files that were finished are whole", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Whoever read the summary has gone; what was saved is saved. The interpreter flushes once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        console.clear()
+        print(f"jbridge: {error.strerror}; make room, and call again; finished files are whole", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the interpreter's last flush, as above
+        return 2
+    finally:
+        console.clear()
+
+
+class _Version(argparse.Action):
+    """Looks the version up only when asked for it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(f"jbridge {jbridge.__version__}")
+        parser.exit()
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="jbridge",
+        description="A simulator of a laboratory loading bridge (gantry crane)\n"
+        "that finds out why recordings and simulation differ.",
+        epilog="example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
+    for each in (simulate, check, fit, diagnose, control, tune, export, sweep, figures):
+        each.add(commands)
+    return parser

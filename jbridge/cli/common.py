@@ -1,0 +1,148 @@
+"""What all commands share: their parser, what they show, and how recordings are named and read."""
+
+import argparse
+import json
+import math
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeAlias
+
+import jbridge
+from jbridge import InputError
+
+RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
+MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
+FORCE = "take columns that are plainly in another unit, of another sign or called otherwise as they are"
+OUT = "folder for the results; files in it are replaced one by one"
+
+
+class Console:
+    """What a command shows: on a terminal one line that says what is going on and for how long, and in the end what it
+    found, as text or as one JSON object."""
+
+    def __init__(self) -> None:
+        self._stream = sys.stderr
+        self._shown = self._stream.isatty()
+        self._start = time.monotonic()
+        self._style = "text"
+
+    def set_style(self, style: str) -> None:
+        """From now on `text`, `json`, or `quiet`: nothing but errors."""
+        self._style = style
+        self._shown = self._shown and style != "quiet"
+
+    def __call__(self, message: str) -> None:
+        """Shows what is going on."""
+        if self._shown:
+            line = f"{time.monotonic() - self._start:4.0f} s  {' '.join(message.split())}"
+            # A line that wraps could not be taken back.
+            width = shutil.get_terminal_size().columns - 1
+            self._stream.write(f"\r\x1b[K{line[:width]}")
+            self._stream.flush()
+
+    def clear(self) -> None:
+        """Takes the line back."""
+        if self._shown:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+
+    def show(self, text: str, found: Callable[[], Mapping[str, Any]]) -> None:
+        """Shows what was found.
+
+        Args:
+            text: for people.
+            found: the same for programs; asked only where it is wanted.
+        """
+        self.clear()
+        if self._style == "json":
+            print(json.dumps(_without_nan(found())))
+        elif self._style == "text":
+            print(text, end="")
+
+
+def _without_nan(value: Any) -> Any:
+    """The same with null for what is not known or not finite, which JSON cannot say."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def written(folder: str | Path, name: str) -> dict[str, Any]:
+    """What a command has just written, with the folder that it lies in."""
+    return {"out": str(folder), **json.loads((Path(folder) / name).read_text(encoding="utf-8"))}
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, like every other refusal."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+"""Where a command adds itself."""
+
+
+def command(
+    commands: Commands,
+    name: str,
+    brief: str,
+    description: str,
+    run: Callable[[argparse.Namespace, Console], None],
+) -> Parser:
+    """Adds a command with the options that all have."""
+    added = commands.add_parser(
+        name,
+        help=brief,
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    added.set_defaults(run=run)
+    added.add_argument("--no-cache", dest="cache", action="store_false", help="do not keep programs for the next run")
+    shown = added.add_mutually_exclusive_group()
+    shown.add_argument(
+        "--json", dest="style", action="store_const", const="json", default="text", help="print one JSON object"
+    )
+    shown.add_argument("--quiet", dest="style", action="store_const", const="quiet", help="print nothing but errors")
+    return added
+
+
+def add_recordings(command: Parser) -> None:
+    command.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    command.add_argument("recordings", metavar="REC.csv", nargs="+", help=RECORDING)
+    command.add_argument(
+        "--holdout",
+        metavar="REC.csv",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="recordings kept apart as proof; every file up to the next option",
+    )
+    command.add_argument("--out", metavar="DIR", required=True, help=OUT)
+
+
+def loaded(
+    arguments: argparse.Namespace, console: Console
+) -> tuple["jbridge.Model", tuple["jbridge.Recording", ...], tuple["jbridge.Recording", ...]]:
+    """Model, recordings and hold-out, once it is clear that results can be written."""
+    learnt = [*arguments.recordings, *getattr(arguments, "new", ())]
+    paths = [*learnt, *arguments.holdout]
+    jbridge.check_output(arguments.out, folder=True, inputs=[arguments.model, *paths])
+    console("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    recordings = jbridge.load_recordings(learnt, force=arguments.force)
+    # All together are checked against each other, yet nothing about a hold-out may colour the others.
+    every = jbridge.load_recordings(paths, force=arguments.force) if arguments.holdout else ()
+    return model, recordings, every[len(recordings) :]
+
+
+def controller_of(path: str | None) -> "jbridge.Controller":
+    """The controller of a file, or the paper's."""
+    return jbridge.load_controller(path) if path else jbridge.Controller(jbridge.paper_controller())

@@ -1,0 +1,67 @@
+"""`jbridge control`: how a controller moves the load."""
+
+import argparse
+from pathlib import Path
+
+import jbridge
+from jbridge import InputError
+
+from .common import MODEL, OUT, Commands, Console, command, controller_of, written
+
+_HELP = """\
+Lets a controller move the load of a model along a reference, and says how each
+move went.
+
+Without --controller the paper's two fuzzy controllers are used, without
+--reference the paper's moves. DIR receives control.html (to look at),
+control.json (the same in numbers), run.csv (the run as a recording), the
+figures, and controller.toml (the controller, to change and use again). Several
+controllers are compared in a table that says which of them to take.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to the parser."""
+    control = command(commands, "control", "how a controller moves the load", _HELP, run)
+    control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
+    control.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    control.add_argument(
+        "--controller",
+        metavar="CONTROLLER.toml",
+        nargs="+",
+        help="the controller; the paper's by default; several are compared, each in a folder of its own",
+    )
+    control.add_argument("--reference", metavar="REF.toml", help="points to visit, speed, rest; the paper's by default")
+    control.add_argument("--out", metavar="DIR", required=True, help=OUT)
+
+
+def run(arguments: argparse.Namespace, console: Console) -> None:
+    files = arguments.controller or [None]
+    given = [path for path in (arguments.model, *files, arguments.reference) if path]
+    names = [Path(file or "paper").stem for file in files]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"--controller: {', '.join(map(str, files))} are called alike; rename one, its results need it"
+        )
+    jbridge.check_output(arguments.out, folder=True, inputs=given)
+    console("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    controllers = {name: controller_of(file) for name, file in zip(names, files, strict=True)}
+    runs = {}
+    for name, controller in controllers.items():
+        if arguments.reference:
+            path = jbridge.load_reference(arguments.reference, controller.period)
+        else:
+            path = jbridge.paper_path(controller.period)
+        console(f"simulating {name}")
+        runs[name] = jbridge.track(model, controller, path)
+    folders = {name: Path(arguments.out) if len(runs) == 1 else Path(arguments.out) / name for name in runs}
+    texts = []
+    for name, track in runs.items():
+        console("drawing")
+        jbridge.save_tracking(folders[name], track, controllers[name])
+        texts.append(f"{name}:\n" * (len(runs) > 1) + jbridge.describe_tracking(track, folders[name]))
+    if len(runs) > 1:
+        texts.append(jbridge.describe_rivals(runs))
+    console.show("\n".join(texts), lambda: {name: written(folder, "control.json") for name, folder in folders.items()})

@@ -1,0 +1,63 @@
+"""`jbridge sweep`: one question to many bridges."""
+
+import argparse
+import dataclasses
+import importlib.util
+from pathlib import Path
+
+import jbridge
+from jbridge import InputError
+
+from .common import Commands, Console, command
+
+_HELP = """\
+Runs a controller on many bridges: every point of a grid or of a sample of
+parameters of model, controller and reference.
+
+DIR receives part-*.parquet (a row for each rollout: its parameters and how the
+move went) and nothing else, so that it reads as one table. DIR.sweep.json has
+units, versions, seed and what was asked, DIR.failures.csv what ran away. A sweep
+that was interrupted goes on where it stopped when it is called again.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to the parser."""
+    sweep = command(commands, "sweep", "one question to many bridges", _HELP, run)
+    sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
+    sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
+    sweep.add_argument("--out", metavar="DIR", required=True, help="folder for the results; those that it has are kept")
+    sweep.add_argument(
+        "--workers", type=_count, default=_workers(), metavar="N",
+        help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
+    )  # fmt: skip
+    sweep.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> None:
+    question_folder = Path(arguments.out)
+    if question_folder.exists() and not question_folder.is_dir():
+        raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
+    console("reading")
+    jbridge.set_up(arguments.cache)
+    question = jbridge.load_sweep(arguments.spec)
+    result = jbridge.run_sweep(
+        question, arguments.out, workers=arguments.workers, scheduler=arguments.scheduler, progress=console
+    )
+    done = f"{result.count:,} rollouts, {result.failed:,} failed, in {result.seconds:.1f} s"
+    kept = result.count - result.computed
+    console.show(
+        f"{result.folder}: {done}{f' ({kept:,} were there already)' if kept else ''}\n",
+        lambda: {**dataclasses.asdict(result), "folder": str(result.folder)},
+    )
+
+
+def _workers() -> int:
+    """One process beside this one, which is replaced if it dies, where dask.distributed is installed."""
+    return 1 if importlib.util.find_spec("distributed") else 0
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) > 1024:
+        raise argparse.ArgumentTypeError(f"{text}: give a whole number from 0 to 1024")
+    return int(text)

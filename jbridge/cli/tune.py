@@ -1,0 +1,96 @@
+"""`jbridge tune`: a controller made better by gradients."""
+
+import argparse
+
+import jbridge
+from jbridge import InputError
+
+from .common import MODEL, OUT, Commands, Console, command, controller_of, written
+
+_HELP = """\
+Makes a controller better: moves a fuzzy controller's sets, scales and rule
+weights, or another law's gains, by gradients through simulated moves on many
+bridges about a model, and compares on further bridges and moves.
+
+Without --controller the rules named by --rules are tuned: the paper's, or the
+extended ones, in which velocity and swing angle act; or a PID controller, or
+state feedback that begins as an LQR of the model. DIR receives
+controller.toml (tuned, for jbridge control), controller.h (the same in C),
+tune.html (to look at), tune.json (the same in numbers) and the figures.
+
+Bridges scatter by the uncertainties that the model has from a fit or a
+diagnosis, otherwise by shares that laboratory bridges need.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to the parser."""
+    tune = command(commands, "tune", "a controller made better by gradients", _HELP, run)
+    tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
+    tune.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
+    tune.add_argument(
+        "--rules", choices=("paper", "extended", "pid", "lqr"), default="paper", help="otherwise (%(default)s)"
+    )
+    tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
+    tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
+    tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
+    tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
+    tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
+    tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
+    tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
+    tune.add_argument("--out", metavar="DIR", required=True, help=OUT)
+
+
+def run(arguments: argparse.Namespace, console: Console) -> None:
+    given = [path for path in (arguments.model, arguments.controller) if path]
+    jbridge.check_output(arguments.out, folder=True, inputs=given)
+    if not 0.0 <= arguments.delay < 1e3:
+        raise InputError(f"--delay {arguments.delay:g}: give milliseconds, 0 or more and less than 1000")
+    console("reading")
+    jbridge.set_up(arguments.cache)
+    model = jbridge.load_model(arguments.model)
+    if arguments.controller or arguments.rules == "paper":
+        controller = controller_of(arguments.controller)
+    else:
+        controller = _law(arguments.rules, model)
+    tuning = jbridge.tune(
+        model,
+        controller,
+        plants=arguments.plants,
+        steps=arguments.steps,
+        starts=arguments.starts,
+        seed=arguments.seed,
+        region=_region(arguments.rail, arguments.rope),
+        scatter=jbridge.Scatter(late=1e-3 * arguments.delay),
+        progress=console,
+    )
+    console("drawing")
+    jbridge.save_tuning(arguments.out, tuning)
+    console.show(jbridge.describe_tuning(tuning, arguments.out), lambda: written(arguments.out, "tune.json"))
+
+
+def _law(rules: str, model: "jbridge.Model") -> "jbridge.Controller":
+    """A controller to begin with, made for a model."""
+    given = jbridge.compensation_for(model.plant)
+    if rules == "extended":
+        return jbridge.Controller(jbridge.extended_controller(given))
+    if rules == "pid":
+        return jbridge.Controller(jbridge.Pid(compensation=given))
+    return jbridge.lqr_controller(model, given)
+
+
+def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Region | None":
+    """Where moves begin and end, if that is told."""
+    if rail is None and rope is None:
+        return None
+    ends = {}
+    for name, given, usual, least in (
+        ("rail", rail, jbridge.PAPER_REGION.rail, -float("inf")),
+        ("rope", rope, jbridge.PAPER_REGION.rope, 0.0),
+    ):
+        low, high = given or usual
+        if not least < low < high < float("inf"):
+            raise InputError(f"--{name} {low:g} {high:g}: give the lower end and the higher one in metres")
+        ends[name] = (low, high)
+    return jbridge.Region(**ends)
