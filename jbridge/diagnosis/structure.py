@@ -97,8 +97,9 @@ def with_own_levels(structure: Structure) -> Structure:
     free = [int(p) for p in structure.point.free]
     for kind, site in structure.names:
         plain = f"coulomb_friction@{site}.level"
-        groups = [f"{kind}@{site}.{key}" for key in structure.keys[kind, site] if key in _LEVELS]
-        places = [p for group in groups for p in table.positions(group)]
+        # All levels of the law, be they free or not: one that is held is their reference already.
+        own = {f"{kind}@{site}.{key}" for key in _LEVELS}
+        places = [p for group, found in table.of_site(site).items() if group in own for p in found]
         if kind == "coulomb_friction" or not places or plain not in table.names():
             continue
         [common] = table.positions(plain)

@@ -88,6 +88,20 @@ def test_levels_beside_a_plain_friction_are_told_from_it(found):
     assert weighed(problem, after).price > 0.0
 
 
+def test_a_law_of_which_one_level_is_held_keeps_the_other(found):
+    problem, _, now = found
+    name, law = ("direction_dependent_friction", "cart"), {"positive": 2.0, "negative": 0.0}
+    plant = make_plant(("coulomb_friction", "cart", {"level": 1.5}), (*name, law))
+    space = make_space(problem, plant, KNOWN, shared=False)
+    names = ["coulomb_friction@cart.level", "direction_dependent_friction@cart.positive"]
+    free = np.array([p for entry in names for p in space.table.positions(entry)], np.int64)
+    point = dataclasses.replace(now.point, vector=np.array(space.table.ravel(space.plant), float), free=free)
+    keys = {name: ("positive",)}
+    after = with_own_levels(dataclasses.replace(now, space=space, names=(name,), keys=keys, point=point))
+    assert float(after.plant.effects[1].positive) == 2.0
+    np.testing.assert_array_equal(after.point.free, free)
+
+
 CHAIN, SPRING = ("cable_drag", "cart"), ("spring_force", "cart")
 CHAIN_KEYS, SPRING_KEYS = ("stiffness", "rest", "level", "travel"), ("stiffness", "rest")
 
