@@ -1,6 +1,6 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow format figures clean
+.PHONY: help setup demo test test-slow format figures docs clean
 
 # Any Python from 3.11 on will do: rm -rf .venv && make setup PYTHON=/path/to/python
 PYTHON ?= $(shell for p in python3.11 python3; do $$p -c '' 2>/dev/null && echo $$p && break; done)
@@ -37,6 +37,11 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/tuning/run.py --figures
 	$(BIN)/python docs/tables.py
+
+docs: $(INSTALLED) ## Build the documentation's site into out/site
+	$(BIN)/python -m pip install --quiet --requirement docs/requirements.lock
+	$(BIN)/mkdocs build --quiet --strict
+	@echo "out/site/index.html"
 
 clean: ## Remove outputs and caches (delete .venv as well to start anew)
 	rm -rf out build dist .mypy_cache .pytest_cache .ruff_cache

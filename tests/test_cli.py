@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jbridge
-from jbridge.cli import main
+from jbridge.cli import COMMANDS, main
 from jbridge.fuzzy.membership import Trapezoidal, as_number
 from jbridge.fuzzy.rules import Variable, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
@@ -27,9 +27,6 @@ cart_damping = 45.0
 load_mass = 0.143
 known = ["cart_mass", "load_mass", "gravity"]
 """
-
-
-COMMANDS = ("simulate", "check", "fit", "diagnose", "control", "tune", "export", "sweep", "figures")
 
 
 @pytest.fixture

@@ -17,6 +17,10 @@ from jbridge import InputError
 from . import check, control, diagnose, export, figures, fit, simulate, sweep, tune
 from .common import Console, Parser
 
+COMMANDS = {
+    "simulate": simulate, "check": check, "fit": fit, "diagnose": diagnose, "control": control, "tune": tune,
+    "export": export, "sweep": sweep, "figures": figures,
+}  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 """What the system says where a disk, or the share of it that one may use, is full."""
 
@@ -33,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     console = Console()
     try:
-        arguments = _parser().parse_args(argv)
+        arguments = parser().parse_args(argv)
         console.set_style(arguments.style)
         arguments.run(arguments, console)
         sys.stdout.flush()
@@ -69,8 +73,9 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def parser() -> Parser:
+    """The parser of all commands."""
+    made = Parser(
         prog="jbridge",
         description="A simulator of a laboratory loading bridge (gantry crane)\n"
         "that finds out why recordings and simulation differ.",
@@ -78,8 +83,8 @@ def _parser() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
-    for each in (simulate, check, fit, diagnose, control, tune, export, sweep, figures):
+    made.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
+    for each in COMMANDS.values():
         each.add(commands)
-    return parser
+    return made
