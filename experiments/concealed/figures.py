@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import AGAIN, PROBABILITIES, SEVERITIES, table, wilson, with_probability
+from tables import AGAIN, PRESENT, PROBABILITIES, SEVERITIES, cases, table, wilson, with_probability
 
 PARTS = ("dev", "proof", "wide", "fresh", AGAIN)
 """Columns of the table, each with data of its own."""
@@ -154,5 +154,8 @@ def draw(folder: Path) -> None:
     beside = folder / "data" / "concealed-rivals.json"
     rivals = json.loads(beside.read_text()) if beside.exists() else None
     (folder / "concealed-table.md").write_text(table(halves, rivals))
+    present = folder / "data" / f"concealed-{PRESENT}.json"
+    if present.exists():
+        (folder / "concealed-cases.md").write_text(cases(json.loads(present.read_text())["rows"]))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

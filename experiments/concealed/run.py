@@ -5,6 +5,7 @@
     python experiments/concealed/run.py --half wide --limit 40       the first 40 of a shuffled 160
     python experiments/concealed/run.py --half dev --generate-only   only the recordings
     python experiments/concealed/run.py --half fresh --again-beside   by today's version, its rows apart
+    python experiments/concealed/run.py --half rough --present       by today's version, its rows in a list of their own
     python experiments/concealed/run.py --figures                    redraw from figures/data
 
 Per case, below OUT/CASE: `model.toml`, `recordings/`, `diagnosis/` with the tool's own files and `run.json`
@@ -29,7 +30,7 @@ from figures import draw
 from play import write
 from score import score
 from seal import SEALS, open_truths
-from tables import AGAIN
+from tables import AGAIN, PRESENT
 
 ROOT = HERE.parent.parent
 FIGURES = ROOT / "figures"
@@ -99,6 +100,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--cases", nargs="+", metavar="ID", help="only these")
     parser.add_argument("--limit", type=int, help="only the first so many")
     parser.add_argument("--again-beside", action="store_true", help=f"of fresh: rows and reports of their own, {AGAIN}")
+    parser.add_argument("--present", action="store_true", help=f"rows apart, in {PRESENT}: those of today's version")
     parser.add_argument("--jobs", type=int, default=1, help="diagnoses at a time")
     parser.add_argument(
         "--timeout", type=float, default=1800.0, help="seconds after which a diagnosis counts as failed"
@@ -145,7 +147,8 @@ def main() -> None:
     # Rows of all finished cases, not only of the chosen ones: the data file is the state of the whole half.
     rows = [row_of(truths[name], out / name) for name in sorted(truths) if (out / name / "recordings").exists()]
     rows = [row for row in rows if row]
-    data = FIGURES / "data" / f"concealed-{AGAIN if chosen.again_beside else chosen.half}.json"
+    kept = PRESENT if chosen.present else AGAIN if chosen.again_beside else chosen.half
+    data = FIGURES / "data" / f"concealed-{kept}.json"
     if data.exists():  # rows of cases whose reports are gone stay, each with the code that diagnosed it
         fresh = {row["id"] for row in rows}
         saved = json.loads(data.read_text())

@@ -131,6 +131,8 @@ def misses(rows: list[dict]) -> list[str]:
 
 
 FRESH = "; `fresh` came last, each case once"
+PRESENT = "present"
+"""Name of the rows of today's version, of any part."""
 AGAIN = "fresh-again"
 """Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
 RUN_AGAIN = f", and was run whole again when its misses were known (`{AGAIN}`)"
@@ -261,3 +263,28 @@ def comparison(rows: list[dict]) -> list[tuple[str, str]]:
         ("`unknown` said when it is", share(g["unknown"], "said")),
         ("seconds per case, median (longest)", f"{median(seconds):.3g} ({max(seconds):.3g})" if seconds else "none"),
     ]
+
+
+def cases(rows: list[dict]) -> str:
+    """A list of cases, one a row: what was concealed, what was said, and what that left."""
+    known = [r for r in rows if r["true_verdict"] == "missing_physics"]
+    seconds = [r["wall"] for r in rows]
+    lines = [
+        "# Cases of the present version",
+        "",
+        f"{len(rows)} cases, {len(known)} of them with an effect of the catalogue: what is named first is right",
+        f"or a declared equivalent in {share(known, 'first_right')}, the set is exact in {share(known, 'set_right')},",
+        f"the verdict of all is right in {share(rows, 'verdict_right')}. Time: median {median(seconds):.0f} s, longest",
+        f"{max(seconds):.0f} s. Redrawn by `run.py --figures`; do not edit.",
+        "",
+        "| case | concealed | verdict | named | hold-out error over the noise | s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        error = "-" if row["before"] is None else f"{row['before']:.3g} to {row['after']:.3g}"
+        concealed, named = (", ".join(row[key]) or "nothing" for key in ("true", "named"))
+        verdict = f"`{row['verdict']}`" if row["verdict"] else f"failed with status {row['status']}"
+        lines.append(
+            f"| {row['id']} | {concealed} | {verdict} | {named} | {error} | {row['wall']:.0f} |".replace("_", " ")
+        )
+    return "\n".join(lines) + "\n"
