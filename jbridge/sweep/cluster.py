@@ -7,7 +7,6 @@ its chunk is given to another one, and on this machine a new worker takes its pl
 import contextlib
 import logging
 import os
-import pickle
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -25,8 +24,8 @@ _DEATHS = 1000
 """Workers that may die over one chunk before the sweep gives up."""
 _WAITING = 4
 """Chunks that wait at the scheduler for each worker."""
-_prepared: dict[bytes, Rollouts] = {}
-"""Of a worker: the compiled rollouts of the sweep that it works for."""
+_prepared: dict[str, Rollouts] = {}
+"""Of a worker: the compiled rollouts of the sweep that it works for, by its identity."""
 _preparing = threading.Lock()
 
 
@@ -50,8 +49,7 @@ def computed(
             "sweeps by several processes need dask.distributed, which is not installed; install jbridge with its extra "
             "'cluster'"
         ) from None
-    # Arrays are unpacked by the worker itself when it is set up for double precision, hence bytes.
-    content, left = pickle.dumps(question), iter(missing)
+    left = iter(missing)
     settings = {"distributed.scheduler.allowed-failures": _DEATHS, "distributed.comm.timeouts.connect": _PATIENCE}
     with dask.config.set(settings), contextlib.ExitStack() as stack:
         try:
@@ -60,8 +58,11 @@ def computed(
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"no scheduler at {scheduler} ({reason}); start `dask scheduler`, and workers") from None
 
+        # Before they receive arrays, which would be single precision otherwise; those that replace others as well.
+        client.register_worker_callbacks(setup=set_up)
+
         def submit(number: int) -> Any:
-            return client.submit(_chunk, content, str(folder), number, pure=False)
+            return client.submit(_chunk, question, str(folder), number, pure=False)
 
         ahead = _WAITING * max(len(client.nthreads()), 1)
         waiting = distributed.as_completed([submit(n) for _, n in zip(range(ahead), left, strict=False)])
@@ -88,12 +89,11 @@ def _client(distributed: Any, stack: contextlib.ExitStack, workers: int, schedul
     return distributed.Client(stack.enter_context(cluster))
 
 
-def _chunk(content: bytes, folder: str, number: int) -> int:
+def _chunk(question: Sweep, folder: str, number: int) -> int:
     """One chunk, on a thread of a worker."""
     with _preparing:
-        if content not in _prepared:
-            set_up()
+        if question.identity not in _prepared:
             _prepared.clear()
-            _prepared[content] = Rollouts(pickle.loads(content), threads=1)
-        rollouts = _prepared[content]
+            _prepared[question.identity] = Rollouts(question, threads=1)
+        rollouts = _prepared[question.identity]
     return write_chunk(rollouts, Path(folder), number)
