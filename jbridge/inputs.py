@@ -20,7 +20,7 @@ INSTANT = 1e-9
 
 
 class Lane(eqx.Module):
-    """A stretch of recording as the engine wants it. Times count from the recording's start."""
+    """A stretch of recording as the engine wants it. Times count from the recording's start, by its own clock."""
 
     start: Float[Array, ""]
     """Time of the first sample [s]."""
@@ -43,6 +43,14 @@ class Drives(NamedTuple):
     """Mean weighted by the time left to the step's end: exact for what the impulse does to the position."""
     lags: Float[Array, " 2"]
     """Initial values of the lags."""
+
+
+def in_true_time(plant: Plant, lane: Lane) -> Lane:
+    """The lane by true time, where the plant's recordings have a clock of their own."""
+    scale = plant.time_scale()
+    if isinstance(scale, float):
+        return lane
+    return Lane(lane.start * scale, lane.dt * scale, lane.u, lane.before * scale, lane.active)
 
 
 def interval_edges(lane: Lane) -> Float[Array, " edge"]:

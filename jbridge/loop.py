@@ -97,7 +97,7 @@ def closed_loop(
     times_back = step * jnp.arange(-memory, 1, dtype=one.dtype)
 
     def look(carry: _Carry, t: Array) -> Axes:
-        reading = read(plant, t + times_back, *carry.trail)[-1]
+        reading = read(plant, plant.time_scale() * (t + times_back), *carry.trail)[-1]
         return Axes(reading[0], reading[1], reading[2])
 
     controller = controller.ready()

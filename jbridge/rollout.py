@@ -17,7 +17,7 @@ from ._math import materialise
 from ._programs import returned
 from ._types import Axes, Scalar
 from .collect import AbstractCollector, Everything
-from .inputs import INSTANT, Lane, drive_inputs, step_edges
+from .inputs import INSTANT, Lane, drive_inputs, in_true_time, step_edges
 from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.drives import LAGS, SpeedDrive
 from .model.effects.flexible import Backlash, DoublePendulum, HoistBacklash
@@ -229,6 +229,7 @@ def timetable(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> t
         substeps: integration steps in each interval.
         cut: whether intervals are cut where a late input changes, see `step_edges`.
     """
+    lane = in_true_time(plant, lane)
     steps = step_edges(plant, lane, substeps, cut=cut)
     drives = drive_inputs(plant, lane, steps)
     constants = plant.time_constants()
@@ -361,12 +362,13 @@ def advance(
 
 def readings(plant: Plant, lane: Lane, motions: Motions) -> Float[Array, "sample 3"]:
     """What the encoders report of a rollout: `x`, `psi`, `l` at every sample [m, rad, m], without noise or rounding."""
-    return read(plant, sample_times(lane.start, lane.dt), motions.q, motions.v)
+    return read(plant, sample_times(plant, lane), motions.q, motions.v)
 
 
-def sample_times(start: Float[Array, ""], dt: Float[Array, " time"]) -> Float[Array, " sample"]:
-    """Times of a lane's samples [s], from that of the first one and the intervals."""
-    return start + jnp.concatenate([jnp.zeros(1, dt.dtype), jnp.cumsum(dt)])
+def sample_times(plant: Plant, lane: Lane) -> Float[Array, " sample"]:
+    """True times of a lane's samples [s]."""
+    lane = in_true_time(plant, lane)
+    return lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)])
 
 
 def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:

@@ -1,9 +1,12 @@
 """Settings of the run: double precision, no silent promotion, cached compilation, plots without a display."""
 
+import importlib.util
 import os
 from pathlib import Path
 
 os.environ["MPLBACKEND"] = "Agg"  # for the commands that tests start, too
+# Most of the suite's time is the compiler's, which takes half as long where it optimises little.
+os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("NPROC", "1")  # threads of JAX: processes side by side would contend for the processors
 
@@ -13,6 +16,8 @@ import pytest
 import jbridge
 
 jbridge.set_up()
+if any(importlib.util.find_spec(f"jax_cuda{number}_plugin") for number in (12, 13)):
+    jax.config.update("jax_platforms", "cpu,cuda")  # the second for the tests that ask for it
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 

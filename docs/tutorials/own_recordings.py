@@ -10,8 +10,7 @@ from pathlib import Path
 import jbridge
 
 jbridge.set_up()
-here = next(path for path in (Path.cwd(), *Path.cwd().parents) if (path / "experiments").is_dir())
-data = here / "experiments" / "demo_data"
+data = Path(jbridge.__file__).parent / "demo_data"
 model = jbridge.load_model(data / "model.toml")
 train = jbridge.load_recordings(sorted(data.glob("train-*.csv")))
 proof = jbridge.load_recordings([data / "holdout-1.csv"])

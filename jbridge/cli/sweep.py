@@ -31,6 +31,10 @@ def add(commands: Commands) -> None:
         "--workers", type=_count, default=_workers(), metavar="N",
         help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
     )  # fmt: skip
+    sweep.add_argument(
+        "--gpu", action="store_true",
+        help="compute in this process on a graphics processor; pays with chunks of 10,000 rollouts and more",
+    )  # fmt: skip
     sweep.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
 
 
@@ -39,10 +43,13 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     if question_folder.exists() and not question_folder.is_dir():
         raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
     console("reading")
-    jbridge.set_up(arguments.cache)
+    jbridge.set_up(arguments.cache, gpu=arguments.gpu)
+    if arguments.gpu:
+        _refuse_without_gpu(arguments)
     question = jbridge.load_sweep(arguments.spec)
+    workers = 0 if arguments.gpu else arguments.workers
     result = jbridge.run_sweep(
-        question, arguments.out, workers=arguments.workers, scheduler=arguments.scheduler, progress=console
+        question, arguments.out, workers=workers, scheduler=arguments.scheduler, progress=console
     )
     done = f"{result.count:,} rollouts, {result.failed:,} failed, in {result.seconds:.1f} s"
     kept = result.count - result.computed
@@ -50,6 +57,17 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         f"{result.folder}: {done}{f' ({kept:,} were there already)' if kept else ''}\n",
         lambda: {**dataclasses.asdict(result), "folder": str(result.folder)},
     )
+
+
+def _refuse_without_gpu(arguments: argparse.Namespace) -> None:
+    import jax
+
+    if arguments.scheduler is not None:
+        raise InputError("--gpu is for this process, not for the workers of a --scheduler; leave one of the two out")
+    if jax.default_backend() == "cpu":
+        raise InputError(
+            "--gpu: JAX sees no graphics processor; install jax[cuda13], or what fits yours, or leave it out"
+        )
 
 
 def _workers() -> int:

@@ -9,6 +9,7 @@ _SITES = {
     "x_sensor": "cart position sensor",
     "psi_sensor": "angle sensor",
     "l_sensor": "rope length sensor",
+    "clock": "clock of the recordings",
 }
 _KINDS = {
     "coulomb_friction": "Coulomb friction",

@@ -95,9 +95,12 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     held = np.clip(np.searchsorted(given, played, side="right") - 1, 0, len(given) - 1)
     commanded = {name: part[held] for name in ("u_x", "u_l") if (part := getattr(commands, name)) is not None}
     inputs = np.stack([commanded.get(name, np.zeros_like(played)) for name in ("u_x", "u_l")], axis=1)
-    behind = _behind_drives(plant, float(played[0]) + recording.begun, inputs, period)
+    scale = float(plant.time_scale())
+    start, span = (scale * part for part in (float(played[0]) + recording.begun, period))
+    behind = _behind_drives(plant, start, inputs, span)
     u, volts = ({name: values[len(since) :] for name, values in part.items()} for part in (commanded, behind))
-    force = _residual(plant, t + recording.begun, q, v, a, volts, recording)
+    true_v, true_a = ({axis: y / scale**n for axis, y in part.items()} for n, part in ((1, v), (2, a)))
+    force = _residual(plant, scale * (t + recording.begun), q, true_v, true_a, volts, recording)
     out = {}
     for axis in AXES:
         moves = {"x": recording.has_cart, "psi": recording.psi is not None, "l": recording.has_hoist}[axis]

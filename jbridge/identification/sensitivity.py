@@ -275,7 +275,7 @@ def _simulated(
     plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
     plant = Plant(plant.bridge, plant.effects, present)
     lane = course.lane
-    times = sample_times(lane.start, lane.dt)
+    times = sample_times(plant, lane)
     q, v = _behind_sensors(plant, times, states)
     told, lags = timetable(plant, lane, steps.number, cut=False)
     method = RK4 if steps.fine else MIDPOINT

@@ -34,6 +34,7 @@ from .effects.base import (
 from .effects.bodies import AbstractBody
 from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
+from .effects.sensors import ClockScale
 from .speed_loop import Loop, held
 
 E = TypeVar("E", bound=AbstractEffect)
@@ -213,6 +214,13 @@ class Plant(eqx.Module):
         for effect in self.all(DrumRadiusChange):
             gain = gain * (1.0 + effect.slope * (length - effect.length))
         return gain
+
+    def time_scale(self) -> Scalar | float:
+        """True time over recorded time."""
+        scale: Scalar | float = 1.0
+        for effect in self.all(ClockScale):
+            scale = scale * effect.scale
+        return scale
 
     def time_constants(self) -> Axes:
         """Time constants of the drives' lags [s], 0 where there is none."""

@@ -9,7 +9,8 @@ parameter's unit, bounds and null value stand beside the field. The roles below 
 - force: a smooth force on cart and load (`AbstractForce`);
 - drive: volts in, volts out (`AbstractDrive`), plus delay, lag and drum radius, which the engine asks for by name;
 - sensor: true coordinates in, readings out (`AbstractSensor`);
-- mechanism: an additional hidden coordinate (`AbstractMechanism`).
+- mechanism: an additional hidden coordinate (`AbstractMechanism`);
+- clock: what the time stamps make of time, for which the engine asks by name.
 """
 
 import abc
@@ -28,7 +29,8 @@ from ..._types import Axes, Scalar
 CART, SWING, HOIST = "cart", "swing", "hoist"
 CART_DRIVE, HOIST_DRIVE = "cart_drive", "hoist_drive"
 X_SENSOR, PSI_SENSOR, L_SENSOR = "x_sensor", "psi_sensor", "l_sensor"
-SITES = (CART, SWING, HOIST, CART_DRIVE, HOIST_DRIVE, X_SENSOR, PSI_SENSOR, L_SENSOR)
+CLOCK = "clock"
+SITES = (CART, SWING, HOIST, CART_DRIVE, HOIST_DRIVE, X_SENSOR, PSI_SENSOR, L_SENSOR, CLOCK)
 
 AXIS_OF_SITE = {
     CART: "x",
@@ -39,6 +41,7 @@ AXIS_OF_SITE = {
     HOIST: "l",
     HOIST_DRIVE: "l",
     L_SENSOR: "l",
+    CLOCK: "psi",  # gravity gives the swing its period; gains and dampings of the other axes take any clock
 }
 """The axis, and thereby the equation, that a site belongs to."""
 DRIVE_OF_AXIS = {"x": CART_DRIVE, "l": HOIST_DRIVE}

@@ -43,7 +43,7 @@ from .friction import (
     PreslidingFriction,
     StribeckFriction,
 )
-from .sensors import MissedCounts, SensorDelay, SensorEccentricity, SensorOffset, SensorScale
+from .sensors import ClockScale, MissedCounts, SensorDelay, SensorEccentricity, SensorOffset, SensorScale
 
 CATALOGUE: dict[str, type[AbstractEffect]] = {
     cls.kind: cls
@@ -89,6 +89,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         SensorDelay,
         MissedCounts,
         SensorEccentricity,
+        ClockScale,
     )
 }
 """Effect class by kind, in the order of the documentation's table."""

@@ -1,4 +1,4 @@
-"""What an encoder makes of a true coordinate."""
+"""What encoders make of true coordinates, and time stamps of time."""
 
 from typing import ClassVar
 
@@ -9,11 +9,13 @@ from jaxtyping import Array, Float
 from ..._types import Scalar
 from .base import (
     AXIS_OF_SITE,
+    CLOCK,
     L_SENSOR,
     PSI_SENSOR,
     X_SENSOR,
     AbstractEffect,
     AbstractSensor,
+    Alike,
     Scene,
     Seed,
     parameter,
@@ -127,3 +129,31 @@ class SensorDelay(AbstractEffect):
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # At exactly zero the interpolation has a kink; a microsecond is no delay, and has a tangent.
         return [Seed({"delay": 1e-6}, ("delay",))]
+
+
+class ClockScale(AbstractEffect):
+    """`scale` seconds pass in a second by the time stamps: a timer's wrong divider, a sample time that is not kept.
+
+    Of a cart or a winch alone, gains and dampings in proportion look the same; only the swing, whose period gravity and
+    the rope's length set, tells. Other numbers of a model with this effect are by true time.
+    """
+
+    kind: ClassVar[str] = "clock_scale"
+    sites: ClassVar[tuple[str, ...]] = (CLOCK,)
+    sentence: ClassVar[str] = "a {axis} that runs fast or slow"
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(CLOCK, "sensor_scale", L_SENSOR, "free swings of a held cart", "Swings that the cart's motion drives"),
+        Alike(
+            CLOCK,
+            "sensor_offset",
+            L_SENSOR,
+            "swings at one rope length",
+            "Swings at several rope lengths, or a minute of recording beside a stopwatch",
+        ),
+    )
+    scale: Scalar = parameter("1", "true time over recorded time", null=1.0, low=0.5, high=2.0)
+    site: str = eqx.field(static=True, default=CLOCK)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        return [Seed({"scale": 1.0}, ("scale",))]

@@ -171,7 +171,15 @@ MOTORS = {
 LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
 """Tested in `test_bodies`."""
-WITH_MEMORY = ("presliding_friction", "cable_drag", "input_delay", "actuator_lag", "drum_radius_change", "speed_drive")
+WITH_MEMORY = (
+    "presliding_friction",
+    "cable_drag",
+    "input_delay",
+    "actuator_lag",
+    "drum_radius_change",
+    "speed_drive",
+    "clock_scale",
+)
 """Tested in `test_friction`, `test_rollout` and `test_speed_loop`."""
 
 

@@ -80,6 +80,7 @@ def example(kind: str, site: str) -> dict:
         "sensor_delay": {"delay": 0.0117},
         "missed_counts": {"jump": 0.02, "time": 0.3513},
         "sensor_eccentricity": {"amplitude": 0.004, "period": 0.15, "phase": 0.4},
+        "clock_scale": {"scale": 1.02},
     }[kind]
 
 
