@@ -65,6 +65,8 @@ if TYPE_CHECKING:
     from jbridge.report.check import describe_check as describe_check
     from jbridge.report.check import save_check as save_check
     from jbridge.report.comparison import save_comparison as save_comparison
+    from jbridge.report.each import Finding as Finding
+    from jbridge.report.each import diagnose_each as diagnose_each
     from jbridge.report.files import check_output as check_output
     from jbridge.report.former import load_former as load_former
     from jbridge.report.paper import save_paper as save_paper
@@ -124,6 +126,7 @@ _HOMES = {
     "Diagnosis": "diagnosis.result",
     "Every": "collect",
     "Everything": "collect",
+    "Finding": "report.each",
     "Fit": "identification.result",
     "Former": "diagnosis.result",
     "FuzzyController": "control.fuzzy",
@@ -160,6 +163,7 @@ _HOMES = {
     "describe_tracking": "report.tracking",
     "describe_tuning": "report.tuning",
     "diagnose": "diagnosis.diagnose",
+    "diagnose_each": "report.each",
     "extended_controller": "control.extended",
     "fit": "identification.fit",
     "fit_from_many": "identification.fit",
@@ -226,6 +230,7 @@ __all__ = [
     "Diagnosis",
     "Every",
     "Everything",
+    "Finding",
     "Fit",
     "Former",
     "FuzzyController",
@@ -262,6 +267,7 @@ __all__ = [
     "describe_tracking",
     "describe_tuning",
     "diagnose",
+    "diagnose_each",
     "extended_controller",
     "fit",
     "fit_from_many",

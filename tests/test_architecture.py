@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"_display", "_programs", "_threads"},
     {"_math", "_parameters", "_types", "compilation", "errors"},
-    {"_files", "_toml"},
+    {"_files", "_toml", "cluster"},
     {"collect", "signals", "recordings"},
     {"model", "fuzzy"},
     {"control", "inputs"},

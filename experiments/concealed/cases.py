@@ -18,12 +18,12 @@ from makeup import AXES, CLUTTER, HALVES
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746}
-_SIZED = {"clutter": 60417254}
+MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827}
+_SIZED = {"clutter": 60417254, "law-sizes": 30918828}
 """Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
-        "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist"}  # fmt: skip
+        "hoist": "hoist", "hoist_drive": "hoist", "l_sensor": "hoist", "clock": "swing"}  # fmt: skip
 OWNED = {
     "full": ["coulomb_friction cart", "coulomb_friction hoist", "dead_zone cart_drive",
              "dead_zone hoist_drive", "actuator_lag hoist_drive"],
@@ -54,6 +54,12 @@ EQUIVALENT = {
             "wind swing",
             "a wind that always blows turns the vertical by F/(m2 g); its push on the cart is 0.01 N",
         )
+    ],
+    "force_limit cart_drive": [
+        ("saturation cart_drive", "behind a dead zone alone, a limit of the input is one of the force")
+    ],
+    "load_dependent_friction swing": [
+        ("coulomb_friction swing", "within small angles the pull on the pivot is the weight of one load")
     ],
     "input_delay hoist_drive": [
         (

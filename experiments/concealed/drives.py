@@ -1,7 +1,7 @@
 """Drives of the concealed rig: the voltage that was logged in, the voltage that the motor acts on out.
 
 The stages compose in one fixed order: delay, saturation, dead zone, gain asymmetry and drift, drum radius,
-lag, ripple, gain.
+lag, ripple. Gain, speed loop and the force's limit follow.
 """
 
 import math
@@ -66,6 +66,7 @@ STAGES: dict[str, Callable[[Effect, Layout, float], Stage]] = {
     **DRIVE_STAGES,
     **clutter.DRIVE_STAGES,
     "actuator_lag": _actuator_lag,
+    "speed_drive": _actuator_lag,
     "torque_ripple": _torque_ripple,
 }
 """In the order in which they compose."""
@@ -78,17 +79,29 @@ class Drive:
         gain: force per volt [N/V].
         effects: the effects at this drive's site.
         column: which of the two logged voltages drives it (0: u_x, 1: u_l).
+        joint: its slide.
+        damping: of that slide in the engine [N s/m], of which a speed loop's part is the drive's own.
         dt: engine step [s].
     """
 
-    def __init__(self, gain: float, effects: list[Effect], column: int, at: Layout, dt: float):
-        self.gain, self.column, self.dt = gain, column, dt
+    def __init__(
+        self, gain: float, effects: list[Effect], column: int, at: Layout, joint: int, damping: float, dt: float
+    ):
+        self.gain, self.column, self.joint, self.dt = gain, column, joint, dt
         self.delay = sum(e["delay"] for e in effects if e["kind"] == "input_delay")
         order = list(STAGES)
-        rest = sorted((e for e in effects if e["kind"] != "input_delay"), key=lambda e: order.index(e["kind"]))
+        rest = sorted(
+            (e for e in effects if e["kind"] not in ("input_delay", "force_limit")),
+            key=lambda e: order.index(e["kind"]),
+        )
         self.stages = [STAGES[e["kind"]](e, at, dt) for e in rest]
+        loops = [e for e in effects if e["kind"] == "speed_drive"]
+        self.loop = sum(e.get("share", 1.0) * damping for e in loops)
+        self.before = 0.0
+        """Velocity of the joint one step earlier."""
+        self.limit = min((e["limit"] for e in effects if e["kind"] in ("speed_drive", "force_limit")), default=math.inf)
 
-    def force(self, step: int, t: float, q: Vector, log: list[Vector]) -> float:
+    def force(self, step: int, t: float, q: Vector, v: Vector, log: list[Vector]) -> float:
         """Force [N] over engine step number `step`, from the logged voltages up to now."""
         if self.delay:
             row = math.floor((step * self.dt - self.delay) / SAMPLE + 1e-6)
@@ -97,4 +110,9 @@ class Drive:
             u = log[-1][self.column]
         for stage in self.stages:
             u = stage(u, t, q, log[-1])
-        return self.gain * u
+        # The engine's damping, of the mean velocity over the step, goes on at the limit, where the loop's part of it is
+        # none: given back.
+        rate = v[self.joint]
+        taken = self.loop * (1.5 * rate - 0.5 * self.before)
+        self.before = rate
+        return min(max(self.gain * u - taken, -self.limit), self.limit) + taken

@@ -117,6 +117,12 @@ KINDS = {
         "amplitude": s * d.u(0.03, 0.06), "period": d.u(0.06, 0.15), "phase": d.u(-3.0, 3.0)},
     ("torque_ripple", "hoist_drive"): lambda d, s: {
         "amplitude": s * d.u(0.05, 0.1), "period": d.u(0.06, 0.12), "phase": d.u(-3.0, 3.0)},
+    ("force_limit", "cart_drive"): lambda d, s: {"limit": d.u(32, 38)},
+    ("force_limit", "hoist_drive"): lambda d, s: {"limit": d.u(9, 11)},
+    ("speed_drive", "cart_drive"): lambda d, s: {
+        "time_constant": d.u(0.02, 0.05), "limit": d.u(12, 20), "share": 1.0},
+    ("speed_drive", "hoist_drive"): lambda d, s: {
+        "time_constant": d.u(0.05, 0.08), "limit": d.u(5, 7), "share": 1.0},
     ("saturation", "hoist_drive"): lambda d, s: {"limit": d.u(4.6, 5.2)},
     ("input_delay", "hoist_drive"): lambda d, s: {"delay": d.steps(0.015, 0.03, s)},
     ("gain_asymmetry", "hoist_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.02, 0.04)},
@@ -132,6 +138,7 @@ KINDS = {
     ("sensor_delay", "psi_sensor"): lambda d, s: {"delay": d.steps(0.01, 0.02, s)},
     ("sensor_offset", "l_sensor"): lambda d, s: {"offset": s * d.sign() * d.u(0.015, 0.03)},
     ("sensor_scale", "l_sensor"): lambda d, s: {"scale": 1 + s * d.sign() * d.u(0.03, 0.05)},
+    ("clock_scale", "clock"): lambda d, s: {"scale": 1 + s * d.sign() * d.u(0.01, 0.03)},
     ("brake_zone", "cart"): lambda d, s: {
         "centre": d.u(0.6, 0.9), "width": d.u(0.1, 0.2), "peak": s * d.u(1.0, 2.0),
         "critical": d.u(0.1, 0.2)},
@@ -160,6 +167,12 @@ KINDS = {
     ("mains_ripple", "cart_drive"): lambda d, s: _waves(d, s * 0.01, 0.3, 3.0),
     ("mains_ripple", "hoist_drive"): lambda d, s: _waves(d, s * 0.02, 0.3, 3.0),
 }  # fmt: skip
+
+NOT_PLAYED = {
+    "back_emf": "beside a damping that is estimated it is a damping, and all of these rigs' are",
+}
+"""Kinds of the catalogue of which no case can conceal one. (Plain friction, dead zones and lags, which most rigs'
+owners know of, are drawn with the rig: see `OWNED` in `cases.py`.)"""
 
 
 def draw(kind: str, site: str, key: np.random.Generator, size: float = 1.0) -> dict:

@@ -243,3 +243,27 @@ HALVES["rough"] = [
     )
 ]
 """Like real rigs: what is concealed is large against the noise, and stands among what no law explains."""
+
+LAWS = (
+    "rod_inertia swing", "load_dependent_friction cart", "load_dependent_friction swing",
+    "load_dependent_friction hoist", "cable_drag cart", "rail_inclination cart", "constant_force hoist",
+    "constant_force swing", "power_law_damping swing", "torque_ripple cart_drive", "torque_ripple hoist_drive",
+    "hoist_backlash hoist", "force_limit cart_drive", "force_limit hoist_drive", "speed_drive cart_drive",
+    "speed_drive hoist_drive", "clock_scale clock",
+)  # fmt: skip
+"""What recordings of real rigs asked for; no part above has any of it."""
+HALVES["law-sizes"] = [f"full {name}" for name in LAWS]
+"""Only to size them."""
+HALVES["laws"] = [
+    f"full {name} at {size}{rest}"
+    for name in LAWS
+    for size, rest in (
+        (5, ""),
+        (20, " closed"),
+        (60, ""),
+        (20, " in clutter"),
+        (40, " in clutter closed"),
+        (100, " in clutter"),
+    )
+]
+"""Each at three sizes, clean and in clutter."""

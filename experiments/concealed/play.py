@@ -14,7 +14,7 @@ COLUMNS = {
     ("cart", "locked"): ("t", "u_x", "x"),
     ("pendulum", "locked"): ("t", "psi"),
 }
-FORMAT = {"t": "%.3f", "u_x": "%.4f", "u_l": "%.4f", "x": "%.4f", "psi": "%.7f", "l": "%.4f"}
+FORMAT = {"t": "%.9g", "u_x": "%.4f", "u_l": "%.4f", "x": "%.4f", "psi": "%.7f", "l": "%.4f"}
 RAIL = (0.0, 1.5)
 
 

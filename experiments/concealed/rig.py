@@ -76,7 +76,8 @@ class Rig:
         ):
             if joint >= 0:
                 own = [e for e in effects if e["site"] == site]
-                self.drives.append((joint, Drive(bridge[gain], own, column, at, DT)))
+                damping = bridge["cart_damping" if site == "cart_drive" else "hoist_damping"]
+                self.drives.append((joint, Drive(bridge[gain], own, column, at, joint, damping, DT)))
         parted = [e for e in effects if e["kind"] in ("belt_compliance", "backlash")]
         self.motor_encoder = bool(parted) and parted[0].get("encoder", "cart") == "motor"
         winch = [e for e in effects if e["kind"] == "hoist_backlash"]
@@ -120,7 +121,7 @@ class Rig:
         forces = [-half * rate for half, rate in zip(self.half_damping, v, strict=True)]
         for law in self.forces:
             law(t, q, v, forces)
-        thrusts = {joint: drive.force(number, t, q, log) for joint, drive in self.drives}
+        thrusts = {joint: drive.force(number, t, q, v, log) for joint, drive in self.drives}
         for joint, laws, coupled, loaded, field in self.frictions:
             positive = negative = sum(law(q, v) for law in coupled)
             if loaded:
@@ -173,6 +174,7 @@ def simulate(
         )
         for c in ("x", "psi", "l")
     }
+    clock = math.prod(e["scale"] for e in truth["effects"] if e["kind"] == "clock_scale")
     late = {c: round(s.delay / DT) for c, s in encoders.items() if s.delay}
     fine: dict[str, Vector] = {c: [] for c in late}
     log: list[Vector] = []
@@ -186,7 +188,7 @@ def simulate(
         u = commands(t, reading) if callable(commands) else commands[min(k, len(commands) - 1)]
         log.append([float(u[0]), float(u[1])])
         shown = reading if noisy else {c: s.distort(t, true[c]) for c, s in encoders.items()}
-        rows.append([t, *log[-1], shown["x"], shown["psi"], shown["l"]])
+        rows.append([t / clock, *log[-1], shown["x"], shown["psi"], shown["l"]])
         if k == count - 1:
             break
         for n in range(k * SUBSTEPS, (k + 1) * SUBSTEPS):

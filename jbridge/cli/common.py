@@ -1,6 +1,7 @@
 """What all commands share: their parser, what they show, and how recordings are named and read."""
 
 import argparse
+import importlib.util
 import json
 import math
 import shutil
@@ -113,9 +114,9 @@ def command(
     return added
 
 
-def add_recordings(command: Parser) -> None:
+def add_recordings(command: Parser, *, least: int = 1) -> None:
     command.add_argument("model", metavar="MODEL.toml", help=MODEL)
-    command.add_argument("recordings", metavar="REC.csv", nargs="+", help=RECORDING)
+    command.add_argument("recordings", metavar="REC.csv", nargs="+" if least else "*", help=RECORDING)
     command.add_argument(
         "--holdout",
         metavar="REC.csv",
@@ -125,6 +126,25 @@ def add_recordings(command: Parser) -> None:
         help="recordings kept apart as proof; every file up to the next option",
     )
     command.add_argument("--out", metavar="DIR", required=True, help=OUT)
+
+
+def add_workers(command: Parser) -> None:
+    command.add_argument(
+        "--workers", type=_count, default=_workers(), metavar="N",
+        help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
+    )  # fmt: skip
+    command.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
+
+
+def _workers() -> int:
+    """One process beside this one, which is replaced if it dies, where dask.distributed is installed."""
+    return 1 if importlib.util.find_spec("distributed") else 0
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) > 1024:
+        raise argparse.ArgumentTypeError(f"{text}: give a whole number from 0 to 1024")
+    return int(text)
 
 
 def loaded(

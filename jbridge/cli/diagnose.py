@@ -1,10 +1,12 @@
 """`jbridge diagnose`: why recordings and simulation differ."""
 
 import argparse
+import dataclasses
 
 import jbridge
+from jbridge import InputError
 
-from .common import FORCE, Commands, Console, add_recordings, command, loaded, written
+from .common import FORCE, Commands, Console, add_recordings, add_workers, command, loaded, written
 
 _HELP = """\
 Finds out why recordings and simulation differ: whether the model lacks
@@ -21,6 +23,11 @@ a verdict.
 Where explanations cannot be told apart, DIR receives next_experiment.csv, an
 input that would separate them. Play it, and call the same command again with
 the new recording behind --with: the diagnosis goes on from the report in DIR.
+
+With --each, every folder of recordings is diagnosed on its own: files called
+holdout* are its proof, and a model.toml in it takes the place of MODEL.toml. DIR
+receives a folder with the report of each, and each.csv with what was found. Called
+again, it goes on where it stopped.
 """
 
 
@@ -29,9 +36,10 @@ def add(commands: Commands) -> None:
     diagnose = command(commands, "diagnose", "why recordings and simulation differ", _HELP, run)
     diagnose.epilog = (
         "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report\n"
-        "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --with wednesday-1.csv --out report"
+        "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --with wednesday-1.csv --out report\n"
+        "  jbridge diagnose model.toml --each rig-1 rig-2 rig-3 --out reports"
     )
-    add_recordings(diagnose)
+    add_recordings(diagnose, least=0)
     diagnose.add_argument(
         "--budget",
         metavar="SECONDS",
@@ -49,9 +57,18 @@ def add(commands: Commands) -> None:
         help="recordings made since the report in DIR, with which its diagnosis goes on",
     )
     diagnose.add_argument("--force", action="store_true", help=FORCE)
+    diagnose.add_argument(
+        "--each", metavar="FOLDER", nargs="+", action="extend", default=[], help="folders to diagnose one by one"
+    )
+    add_workers(diagnose)
 
 
 def run(arguments: argparse.Namespace, console: Console) -> None:
+    if arguments.each:
+        _each(arguments, console)
+        return
+    if not arguments.recordings:
+        raise InputError("name recordings to learn from, or folders of them behind --each; see jbridge diagnose --help")
     former = jbridge.load_former(arguments.out) if arguments.new else None
     model, recordings, holdout = loaded(arguments, console)
     count = len(recordings) - len(arguments.new)
@@ -69,6 +86,26 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     console.show(jbridge.describe_diagnosis(result, arguments.out), lambda: written(arguments.out, "report.json"))
     if result.stopped == "interrupted":
         raise KeyboardInterrupt
+
+
+def _each(arguments: argparse.Namespace, console: Console) -> None:
+    if arguments.recordings or arguments.holdout or arguments.new:
+        raise InputError("--each takes folders in place of recordings; put them, and holdout*.csv, into folders")
+    jbridge.set_up(arguments.cache)
+    jbridge.load_model(arguments.model)  # refused before anything is written
+    found = jbridge.diagnose_each(
+        arguments.model,
+        arguments.each,
+        arguments.out,
+        budget=arguments.budget,
+        force=arguments.force,
+        workers=arguments.workers,
+        scheduler=arguments.scheduler,
+        progress=console,
+    )
+    rows = [dataclasses.asdict(finding) for finding in found]
+    lines = [f"{row['folder']}: {row['verdict'] or 'not read'}\n  {row['statement']}\n" for row in rows]
+    console.show("".join(lines) + f"\n{arguments.out}/each.csv\n", lambda: {"out": arguments.out, "folders": rows})
 
 
 def _budget(text: str) -> float:

@@ -2,13 +2,12 @@
 
 import argparse
 import dataclasses
-import importlib.util
 from pathlib import Path
 
 import jbridge
 from jbridge import InputError
 
-from .common import Commands, Console, command
+from .common import Commands, Console, add_workers, command
 
 _HELP = """\
 Runs a controller on many bridges: every point of a grid or of a sample of
@@ -28,14 +27,10 @@ def add(commands: Commands) -> None:
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
     sweep.add_argument("--out", metavar="DIR", required=True, help="folder for the results; those that it has are kept")
     sweep.add_argument(
-        "--workers", type=_count, default=_workers(), metavar="N",
-        help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
-    )  # fmt: skip
-    sweep.add_argument(
         "--gpu", action="store_true",
         help="compute in this process on a graphics processor; pays with chunks of 10,000 rollouts and more",
     )  # fmt: skip
-    sweep.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
+    add_workers(sweep)
 
 
 def run(arguments: argparse.Namespace, console: Console) -> None:
@@ -68,14 +63,3 @@ def _refuse_without_gpu(arguments: argparse.Namespace) -> None:
         raise InputError(
             "--gpu: JAX sees no graphics processor; install jax[cuda13], or what fits yours, or leave it out"
         )
-
-
-def _workers() -> int:
-    """One process beside this one, which is replaced if it dies, where dask.distributed is installed."""
-    return 1 if importlib.util.find_spec("distributed") else 0
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) > 1024:
-        raise argparse.ArgumentTypeError(f"{text}: give a whole number from 0 to 1024")
-    return int(text)

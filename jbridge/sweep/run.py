@@ -12,6 +12,7 @@ import dataclasses
 import json
 import os
 import platform
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
@@ -25,6 +26,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from .._files import create_text, read_json, replace_text, replacing
+from ..cluster import on_workers
 from ..errors import InputError
 from ..model.parameters import ParameterTable
 from ..summaries import UNITS
@@ -33,6 +35,9 @@ from .spec import Sweep
 
 _LISTED = 10_000
 """Most failures that are listed one by one; all are counted, and marked in the results."""
+_prepared: dict[str, Rollouts] = {}
+"""Of a worker: the compiled rollouts of the sweep that it works for, by its identity."""
+_preparing = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,9 +104,17 @@ def _computed(
         for number in missing:
             yield write_chunk(rollouts, folder, number)
         return
-    from .cluster import computed
+    yield from on_workers(_chunk, [(question, str(folder), number) for number in missing], workers, scheduler)
 
-    yield from computed(question, folder, missing, workers, scheduler)
+
+def _chunk(question: Sweep, folder: str, number: int) -> int:
+    """One chunk, on a thread of a worker."""
+    with _preparing:
+        if question.identity not in _prepared:
+            _prepared.clear()
+            _prepared[question.identity] = Rollouts(question, threads=1)
+        rollouts = _prepared[question.identity]
+    return write_chunk(rollouts, Path(folder), number)
 
 
 def read_sweep(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

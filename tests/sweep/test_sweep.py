@@ -278,7 +278,7 @@ def test_a_failed_start_claims_nothing(spec, tmp_path, monkeypatch):
 
 def test_a_scheduler_that_is_not_there_is_told(spec, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("jbridge.sweep.cluster._PATIENCE", 0.5)
+    monkeypatch.setattr("jbridge.cluster._PATIENCE", 0.5)
     with pytest.raises(InputError, match="no scheduler at tcp://127.0.0.1:1 .*; start `dask scheduler`, and workers"):
         run_sweep(load_sweep(spec), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
 
