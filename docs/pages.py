@@ -37,7 +37,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Links as they are from the site: what the site does not have is named without one."""
     text = markdown.replace("](docs/tutorials)", "](tutorials/own_recordings.py)").replace("](docs/", "](")
     text = text.replace("](../figures/", "](figures/")
-    return re.sub(r"\[([^\]]*)\]\((?:\.\./)*(?:experiments/|CONTRIBUTING|CHANGELOG)[^)]*\)", r"\1", text)
+    return re.sub(r"\[([^\]]*)\]\((?:\.\./)*(?:experiments/|CONTRIBUTING|CHANGELOG|SECURITY)[^)]*\)", r"\1", text)
 
 
 def commands() -> str:

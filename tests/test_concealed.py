@@ -446,6 +446,24 @@ def test_cases_run_again_are_a_column_and_no_proof(tmp_path, monkeypatch):
     assert names == [] and [hits for _, hits, n in seen if n] == [0]
 
 
+def test_the_list_of_cases_says_what_was_concealed_and_named():
+    told = report_of("missing_physics", effects=[("input_delay", "cart_drive", {"delay": 0.02})])
+    rows = [
+        score(truth_of([DELAY]), told) | {"wall": 30.0, "status": 0, "before": 7.0, "after": 1.1},
+        score(truth_of([DELAY]), report_of("adequate", "none"))
+        | {"wall": 50.0, "status": 0, "before": 7.0, "after": 7.0},
+    ]
+    page = tables.cases(rows)
+    assert (
+        "right\nor a declared equivalent in 50 % (1/2" in page
+        and "median 40 s, longest 50 s" in page
+        and "1 of 1 confirmed" in page
+    )
+    first, second = page.splitlines()[-2:]
+    assert "`missing physics` | input delay cart drive | 7 to 1.1 | 30 |" in first
+    assert "`adequate` | nothing | 7 to 7 | 50 |" in second
+
+
 @pytest.mark.parametrize(
     ("effect", "where", "when", "expected"),
     [

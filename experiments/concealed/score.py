@@ -196,7 +196,8 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
     Returns:
         What was true, what was said, and whether it was right: `verdict_right`, `detected`, `equation_right`,
         `first_right` (the first effect named is true or accepted), `in_set` (or one of its declared
-        equivalents is), `set_right` (nothing missing, nothing superfluous), `parameters`, `bridge`,
+        equivalents is), `claimed` and `claims_right` (what the hold-out confirmed, and how many of
+        them are true or accepted), `set_right` (of these nothing missing, nothing superfluous), `parameters`, `bridge`,
         `gap_closed`, `seconds`.
     """
     wanted = accepted(truth)
@@ -205,7 +206,8 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "true": [label(e) for e in truth["concealed"]], "true_verdict": truth["verdict"],
         "true_equations": truth["equations"], "named": [], "verdict": "failed", "verdict_right": False,
         "detected": False, "equation": None, "equation_right": False, "first_right": False, "in_set": False,
-        "set_right": False, "parameters": {}, "bridge": {}, "before": None, "after": None, "gap_closed": None,
+        "set_right": False, "claimed": [], "claims_right": 0,
+        "parameters": {}, "bridge": {}, "before": None, "after": None, "gap_closed": None,
         "seconds": None, "probability": None, "placed": {},
     }  # fmt: skip
     if report is None:
@@ -213,7 +215,9 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
     effects = report["effects"]
     named = [label(e) for e in effects]
     rivals = {label(e) for e in effects[0].get("equivalents", [])} if effects else set()
-    pairs = matches(named, wanted)
+    # What the hold-out did not confirm is listed, and not claimed; reports of earlier versions claim all they list.
+    claimed = [label(e) for e in effects if e.get("status", "confirmed") == "confirmed"]
+    pairs = matches(claimed, wanted)
     everything = set().union(*wanted.values()) if wanted else set()
     before, after = holdout(report, "before"), holdout(report, "after")
     row |= {
@@ -222,7 +226,8 @@ def score(truth: dict, report: dict | None, mean_length: float | None = None) ->
         "equation_right": report["location"]["equation"] in truth["equations"],
         "first_right": bool(named) and named[0] in everything,
         "in_set": bool(named) and bool(({named[0]} | rivals) & everything),
-        "set_right": len(pairs) == len(wanted) == len(named),
+        "set_right": len(pairs) == len(wanted) == len(claimed),
+        "claimed": claimed, "claims_right": len(pairs),
         "probability": effects[0].get("probability") if effects else None, "before": before, "after": after,
         "seconds": report.get("seconds"), "placed": placed(truth, report), **nested(report),
     }  # fmt: skip
