@@ -29,6 +29,8 @@ class Console:
         self._shown = self._stream.isatty()
         self._start = time.monotonic()
         self._style = "text"
+        self.most: float | None = None
+        """Time after which the command will be done [s], where that is known."""
 
     def set_style(self, style: str) -> None:
         """From now on `text`, `json`, or `quiet`: nothing but errors."""
@@ -38,7 +40,10 @@ class Console:
     def __call__(self, message: str) -> None:
         """Shows what is going on."""
         if self._shown:
-            line = f"{time.monotonic() - self._start:4.0f} s  {' '.join(message.split())}"
+            spent = f"{time.monotonic() - self._start:4.0f} s"
+            if self.most is not None:
+                spent += f" of {self.most:.0f} s at most"
+            line = f"{spent}  {' '.join(message.split())}"
             # A line that wraps could not be taken back.
             width = shutil.get_terminal_size().columns - 1
             self._stream.write(f"\r\x1b[K{line[:width]}")

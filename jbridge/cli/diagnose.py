@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     former = jbridge.load_former(arguments.out) if arguments.new else None
     model, recordings, holdout = loaded(arguments, console)
     count = len(recordings) - len(arguments.new)
+    console.most = arguments.budget
     result = jbridge.diagnose(
         model,
         recordings[:count],

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from .names import explanation_name
+from ..model.names import explanation_name
 from .result import Continued, Former, NamedEffect
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..identification.estimation import Problem
 from ..model.effects.catalogue import CATALOGUE
-from .names import explanation_name
+from ..model.names import explanation_name
 from .plays import Play, library, variants
 from .reach import reach_of
 from .result import NextExperiment

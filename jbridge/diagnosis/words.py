@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
+from ..model.names import explanation_name, site_name, spaced
 from .candidates import WRONG_VALUE
-from .names import explanation_name, site_name, spaced
 from .result import NamedEffect, Rival
 
 _CHANNEL_WORDS = {

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from ..model.names import number_name
 from ..model.parameters import Entry, ParameterTable
 from .estimation import Problem
 from .result import Estimate
@@ -133,24 +134,24 @@ def warnings(
                 loose.setdefault(entry.group, []).append(i)
                 continue
             if _untold(float(wide[i]), float(vector[place])):
-                out.append(f"The recordings say nothing of {entry.name}: it stays at {vector[place]:.3g} {entry.unit}.")
+                name = number_name(entry.name)
+                out.append(f"The recordings say nothing of the {name}: it stays at {vector[place]:.3g} {entry.unit}.")
                 continue
             if not any(i in members for members in together):
                 out.append(
-                    f"The recordings hardly determine {entry.name}: {vector[place]:.3g} {entry.unit} give or take "
-                    f"{_NORMAL * wide[i]:.2g}."
+                    f"The recordings hardly determine the {number_name(entry.name)}: {vector[place]:.3g} {entry.unit} "
+                    f"give or take {_NORMAL * wide[i]:.2g}."
                 )
         elif vector[place] <= low[place] or vector[place] >= high[place]:
-            out.append(f"{entry.name} ended at its bound of {vector[place]:.3g} {entry.unit}.")
+            out.append(f"The {number_name(entry.name)} ended at its bound of {vector[place]:.3g} {entry.unit}.")
     for group, members in loose.items():
         count = len(table.positions(group))
         out.append(
-            f"The recordings hardly determine {len(members)} of the {count} values of {group}: trust their "
-            "shape, not their level."
+            f"The recordings hardly determine {len(members)} of the {count} values of the {number_name(group)}: "
+            "trust their shape, not their level."
         )
     for members in together:
-        names = [entries[i].name for i in members]
-        listed = f"{', '.join(names[:-1])} and {names[-1]}"
+        listed = _listed([number_name(entries[i].name) for i in members])
         scale = all(uncertain[i] and entries[i].is_force for i in members)
         if scale and any(entries[i].name.endswith("_mass") for i in members):
             out.append(
@@ -158,8 +159,39 @@ def warnings(
                 "on them that would be felt. Their ratios are sound; list a mass that was weighed under known."
             )
         else:
-            out.append(f"The recordings hardly tell {listed} apart: only combinations of them are determined.")
+            out.append(
+                f"The recordings hardly tell {listed} apart: only combinations of them are determined."
+                f"{_parted_by([entries[i] for i in members])}"
+            )
     return out
+
+
+_SHOWN_BY = (
+    (("load_mass",), "another load"),
+    (("mass", "inertia", "centre"), "quick changes of speed"),
+    (("delay", "time_constant"), "sudden steps of the input"),
+    (("l_sensor", "drum_radius_change", "length_dependent_damping"), "several rope lengths"),
+    (("psi_sensor", "load_drag", "power_law_damping", "exponent"), "wide swings and small ones"),
+    (("x_sensor", "stiffness", "rest", "period", "phase", "amplitude", "position"), "runs over the whole rail"),
+    (("gain", "ratio", "limit", "cart_drive", "hoist_drive", "constant"), "inputs of several sizes"),
+    (("damping", "coefficient", "velocity", "share"), "steady runs at several speeds"),
+    (("level", "positive", "negative", "breakaway", "rate"), "slow runs in both directions"),
+)
+"""What a number does shows most in which recordings; the first line that has a word of its name."""
+
+
+def _parted_by(entries: Sequence[Entry]) -> str:
+    """Recordings that would tell numbers apart, each by what it does most."""
+    found = []
+    for entry in entries:
+        words = set(entry.group.replace("@", ".").split(".")) | {entry.key, entry.key.rpartition("_")[2]}
+        found += [shown for keys, shown in _SHOWN_BY if words & set(keys)][:1]
+    told = list(dict.fromkeys(found))
+    return f" {_listed(told).capitalize()} would part them." if told else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
 
 
 def _inseparable(entries: Sequence[Entry], stds: NDArray[np.float64], cov: NDArray[np.float64]) -> list[list[int]]:

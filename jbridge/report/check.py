@@ -16,7 +16,7 @@ from .quantities import digits, join_unit, percent, scale_for
 from .rows import error_text
 from .words import CHANNELS
 
-_WIDTH = 88
+_WIDTH = 80
 _INPUTS = {"u_x": "input of the cart", "u_l": "input of the hoist"}
 _SIGNS = {
     True: "fits the laws of motion",

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
+from ..model.names import site_name
 from .figures.gallery import Gallery, diagnosis_signals
 from .html import (
     bullets,

@@ -29,7 +29,7 @@ COLUMNS = ("parameter", "kind", "site", "value", "std", "low", "high", "unit", "
 
 @singledispatch
 def text(result: Any) -> str:
-    """A result in at most 24 lines of 88 letters."""
+    """A result in at most 24 lines of 80 letters."""
     raise TypeError(f"no display of {type(result).__name__}")
 
 

@@ -4,9 +4,9 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ..diagnosis.names import site_name
 from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Estimate, Fit, Trace
+from ..model.names import site_name
 from .as_json import INPUT_FILE
 from .files import PathLike
 from .next_steps import limit_text
@@ -15,7 +15,7 @@ from .quantities import UNKNOWN, join_unit, percent, shown
 from .rows import error_rows, is_changed, parameter_rows, parts
 from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
-_WIDTH = 88
+_WIDTH = 80
 _INDENT = 12
 _MOST_LINES, _MOST_EFFECTS = 24, 4
 """Lines of a result in short, and effects that it names."""
@@ -165,7 +165,8 @@ def _errors(
 ) -> list[str]:
     """A table of errors, by channel."""
     rows = error_rows(before, after, noise)
-    head = ["before", "after", "noise"] if before is not None else ["rms error", "noise"]
+    head = ["rms error (× noise)"] if before is None else ["before (× noise)", "after (× noise)"]
+    head.append("noise")
     cells = [head]
     for row in rows:
         first = [_with_ratio(row.before, row.before_ratio)] if before is not None else []
@@ -204,7 +205,7 @@ def _unseen(diagnosis: Diagnosis) -> list[str]:
 
 
 def _with_ratio(error: str, ratio: str) -> str:
-    return error if ratio == UNKNOWN else f"{error} ({ratio})"
+    return error if ratio == UNKNOWN else f"{error} ({ratio.removesuffix(' noise')})"
 
 
 def _wrapped(name: str, text: str, most: int | None = None) -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..diagnosis.names import spaced
+from ..model.names import spaced
 from .html import table
 from .quantities import UNKNOWN, digits
 from .words import effect_name

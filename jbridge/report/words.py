@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 
-from ..diagnosis.names import kind_name, site_name, spaced
 from ..model.bridge import Bridge
 from ..model.effects.base import ParameterInfo, parameters_of
 from ..model.effects.catalogue import KINDS
+from ..model.names import kind_name, site_name, spaced
 
 WRONG_VALUE = "wrong_value"
 """Kind of the explanation that nothing is missing but a known number is wrong; its site is the parameter's name."""

@@ -80,20 +80,21 @@ def test_what_is_not_determined_is_said():
     free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
     wide = np.array([[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 25.0]])
     (said,) = warnings(TABLE, VECTOR, free, wide)
-    assert said.startswith("The recordings hardly determine coulomb_friction@cart.level: 3 N")
+    assert said.startswith("The recordings hardly determine the level of the Coulomb friction at the cart: 3 N")
     blind = np.diag([1e-4, 1e-4, 1e200])
     (said,) = warnings(TABLE, VECTOR, free, blind)
-    assert said == "The recordings say nothing of coulomb_friction@cart.level: it stays at 3 N."
+    assert said == "The recordings say nothing of the level of the Coulomb friction at the cart: it stays at 3 N."
     told = estimates(TABLE, VECTOR, free, blind, 0.01)["coulomb_friction@cart.level"]
     assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
     tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
     (said,) = warnings(TABLE, VECTOR, free, tied)
-    assert said.startswith("The recordings hardly tell cart_gain and cart_damping apart: ")
+    assert said.startswith("The recordings hardly tell cart gain and cart damping apart: ")
+    assert said.endswith("Inputs of several sizes and steady runs at several speeds would part them.")
     free = places("cart_mass", "cart_damping", "cart_gain", "swing_damping")
     scale = np.append(VECTOR[free[:3]], 0.0) * 10.0  # ten times as wide as they are large
     (said,) = warnings(TABLE, VECTOR, free, np.outer(scale, scale) + np.diag([0.0, 0.0, 0.0, 1e-12]))
     assert said.startswith(
-        "The recordings hardly determine a factor that cart_mass, cart_damping and cart_gain have in"
+        "The recordings hardly determine a factor that cart mass, cart damping and cart gain have in"
     )
     assert said.endswith("list a mass that was weighed under known.")
     free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
@@ -101,4 +102,4 @@ def test_what_is_not_determined_is_said():
     at_bound[free[2]] = 0.0
     narrow = np.diag([1e-4, 1e-4, 1e-20])
     (said,) = warnings(TABLE, at_bound, free, narrow)
-    assert said == "coulomb_friction@cart.level ended at its bound of 0 N."
+    assert said == "The level of the Coulomb friction at the cart ended at its bound of 0 N."

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from matplotlib.figure import FigureBase
 
-from ...diagnosis.names import site_name
+from ...model.names import site_name
 from ..quantities import percent
 from .style import MARK, NOISE, Picture, picture
 

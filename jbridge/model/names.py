@@ -46,5 +46,18 @@ def explanation_name(kind: str, site: str) -> str:
     return f"{kind_name(kind)} at the {site_name(site)}"
 
 
+def number_name(name: str) -> str:
+    """A number of a model within a sentence.
+
+    >>> number_name("cart_gain"), number_name("coulomb_friction@cart.level")
+    ('cart gain', 'level of the Coulomb friction at the cart')
+    """
+    if "@" not in name:
+        return spaced(name)
+    owner, _, key = name.rpartition(".")
+    kind, _, site = owner.partition("@")
+    return f"{spaced(key)} of the {explanation_name(kind, site.split('#')[0])}"
+
+
 def spaced(key: str) -> str:
     return key.replace("_", " ")
