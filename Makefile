@@ -37,6 +37,7 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/jbridge figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/throughput/gpu.py --figures
+	$(BIN)/python experiments/gradients.py --figures
 	$(BIN)/python experiments/tuning/run.py --figures
 	$(BIN)/python docs/tables.py
 
