@@ -1,7 +1,9 @@
 """What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
-the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed.
+the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if it
+explains more than what is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most
+like it imitates a part of it.
 """
 
 import dataclasses
@@ -223,6 +225,12 @@ def _share(before: Evaluation, after: Evaluation, beside: Evaluation | None = No
     return (other - last) / max(first, other)
 
 
+def _left(before: Evaluation, after: Evaluation) -> float | None:
+    """Share of that which a model leaves; None where nothing exceeds the noise."""
+    closed = _share(before, after)
+    return None if closed is None else 1.0 - closed
+
+
 def _one_second(run: Evaluation) -> float:
     """The horizon of 1 s, or the nearest that the recordings are long enough for."""
     return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
@@ -243,9 +251,10 @@ def _checked(
     name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
 ) -> Checked:
     total, (steady, freedom) = float(loss.sum()), steadiness(loss)
-    explained = _share(before, complete, run)
+    explained, left = _share(before, complete, run), _left(before, complete)
+    nameless = explained is not None and left is not None and explained <= left
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
-    if steady > float(student.ppf(_NORMAL_SHARE, freedom)):
+    if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:
         return Checked(name, "confirmed", explained, total, steady)
     once = happens_once(name[0]) and total <= 0.0
     return Checked(name, "event" if once else "suggested", explained, total, steady)
