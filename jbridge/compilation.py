@@ -1,15 +1,18 @@
 """How JAX computes: double precision, loops as single kernels, and programs that are kept."""
 
 import contextlib
+import ctypes
 import os
+import sys
 import warnings
 from pathlib import Path
 
 _WHOLE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold"
-"""Size of a loop's state [byte] up to which the compiler makes one kernel of it; its default is 1 KiB."""
+"""What a pass of a loop may touch [byte] for the compiler to make one kernel of the loop; its default is 1 KiB."""
+_PASS = 4_000_000
+"""So much is the loop over the steps of a call's simulations, and not the loop over blocks of time around it, which
+gains little as one kernel and takes twice as long to compile."""
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
-
-
 _GRAPHS = "--xla_gpu_enable_command_buffer=FUSION,WHILE,CONDITIONAL --xla_gpu_graph_min_graph_size=1"
 """A time loop is launched as a whole, and not kernel by kernel: 1.4 times the rate of 16,000 rollouts."""
 
@@ -39,7 +42,8 @@ def set_up(cache: bool = True, *, gpu: bool = False) -> None:
     if _WHOLE_LOOPS not in flags:
         # Whole vectors of a processor that has wide ones; the compiler's own choice is half of them.
         width = "" if _VECTOR_WIDTH in flags else f"{_VECTOR_WIDTH}=512"
-        os.environ["XLA_FLAGS"] = f"{flags} {_WHOLE_LOOPS}=100000000 {width}".strip()
+        os.environ["XLA_FLAGS"] = f"{flags} {_WHOLE_LOOPS}={_PASS} {width}".strip()
+    _keep_freed_memory()
     keep_in(None)
     if not cache:
         return
@@ -53,3 +57,19 @@ def set_up(cache: bool = True, *, gpu: bool = False) -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
+
+
+_TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
+"""Names of settings of glibc's `mallopt`."""
+
+
+def _keep_freed_memory() -> None:
+    """Lets this process keep the large arrays that it frees, for the next ones: fresh pages from the system, which
+    clears each of them, take a quarter of a diagnosis otherwise."""
+    if sys.platform != "linux":
+        return
+    with contextlib.suppress(OSError, AttributeError):  # another library than glibc has no such settings
+        mallopt = ctypes.CDLL("libc.so.6").mallopt
+        mallopt(_MMAP_MAX, 0)
+        mallopt(_TRIM_THRESHOLD, 2**31 - 1)
+        mallopt(_ARENA_MAX, 1)

@@ -7,8 +7,9 @@ import functools
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._types import Axes, Scalar
 from .model.effects.base import AXIS_OF_SITE, AbstractDrive
@@ -59,7 +60,7 @@ def interval_edges(lane: Lane) -> Float[Array, " edge"]:
     return jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
 
 
-def step_edges(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> Float[Array, "history edge"]:
+def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history edge"]:
     """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
 
     A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
@@ -70,21 +71,125 @@ def step_edges(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> 
         plant: what moves.
         lane: intervals.
         substeps: steps of an interval, or of every part of it.
-        cut: whether intervals are cut; otherwise all changes count by their moments, in a third of the steps.
     """
     edges = interval_edges(lane)
     begin, end = edges[:-1], edges[1:]
     cuts = []
-    for effect in plant.all(InputDelay) if cut else ():
+    for effect in plant.all(InputDelay):
         j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
         late = edges[j] + effect.delay
         # Rounding may put a delay of whole intervals a hair before the interval.
         cuts.append(jnp.where(late < end, jnp.where(late < begin, begin, late), end))
     between = jnp.sort(jnp.stack(cuts, axis=1), axis=1) if len(cuts) > 1 else jnp.stack(cuts, axis=1) if cuts else None
     parts = [begin[:, None], end[:, None]] if between is None else [begin[:, None], between, end[:, None]]
-    at = jnp.concatenate(parts, axis=1)
-    inner = at[:, :-1, None] + jnp.diff(at, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
-    return jnp.concatenate([inner.reshape(begin.shape[0], -1), end[:, None]], axis=1)
+    return _divided(jnp.concatenate(parts, axis=1), substeps)
+
+
+def even_steps(edges: Float[Array, " edge"], substeps: int) -> Float[Array, "interval step"]:
+    """The same of some intervals in which all changes of a late input count by their moments, in a third of the steps.
+
+    Args:
+        edges: of the intervals [s].
+        substeps: steps of an interval.
+    """
+    return _divided(jnp.stack([edges[:-1], edges[1:]], axis=1), substeps)
+
+
+def _divided(parts: Float[Array, "interval part"], substeps: int) -> Float[Array, "interval step"]:
+    inner = parts[:, :-1, None] + jnp.diff(parts, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
+    return jnp.concatenate([inner.reshape(parts.shape[0], -1), parts[:, -1:]], axis=1)
+
+
+class Held(NamedTuple):
+    """An axis' held inputs behind what has no memory and no clock, and their integrals where they may come late."""
+
+    inputs: Float[Array, " history"]
+    once: Float[Array, " edge"] | None
+    twice: Float[Array, " edge"] | None
+
+
+class Supply(NamedTuple):
+    """What is known of a lane's inputs as a whole, see `arriving`."""
+
+    edges: Float[Array, " edge"]
+    """See `interval_edges`."""
+    x: Held
+    l: Held  # noqa: E741
+
+
+def supply(plant: Plant, lane: Lane) -> Supply:
+    """The held inputs of a lane behind saturation, dead zone and gains."""
+    edges = interval_edges(lane)
+    found = []
+    for column, axis in enumerate(("x", "l")):
+        w = lane.u[:, column]
+        for effect in _chain(plant, axis):
+            if not effect.in_time:
+                w = plant.after(functools.partial(effect.apply, edges[:-1]), w, effect)
+        once = twice = None
+        if _late(plant, axis):
+            spans = jnp.diff(edges)
+            once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
+            twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+        found.append(Held(w, once, twice))
+    return Supply(edges, *found)
+
+
+def _chain(plant: Plant, axis: str) -> list[AbstractDrive]:
+    chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
+    return sorted(chain, key=lambda effect: effect.order)
+
+
+def _late(plant: Plant, axis: str) -> list[InputDelay]:
+    return [effect for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+
+
+def arriving(
+    plant: Plant, given: Supply, steps: Float[Array, "interval edge"], first: Int[Array, ""] | int
+) -> tuple[Float[Array, "interval step 2"], Float[Array, "interval step 2"]]:
+    """Inputs at the drives in every step of some intervals: see `Drives`.
+
+    Args:
+        plant: what moves.
+        given: the lane's held inputs.
+        steps: beginnings of the intervals' steps, and the intervals' ends [s].
+        first: number of the first of these intervals, from the first of those before the lane.
+    """
+    begin, end = steps[:, :-1], steps[:, 1:]
+    middle = 0.5 * (begin + end)
+    means, earlies = [], []
+    for axis, held in (("x", given.x), ("l", given.l)):
+        own = jax.lax.dynamic_slice_in_dim(held.inputs, first, steps.shape[0])
+        # What has no memory and no clock may stand before the delay as well as behind it.
+        mean = early = jnp.broadcast_to(own[:, None], begin.shape)
+        late = _late(plant, axis)
+        if late:
+            delay = sum((effect.delay for effect in late[1:]), late[0].delay)
+
+            def delayed(_: tuple[Array, Array], held: Held = held, delay: Scalar = delay) -> tuple[Array, Array]:
+                return _delayed(given.edges, held, begin, end, delay)
+
+            mean, early = plant.after(delayed, (mean, early), *late)
+        for effect in _chain(plant, axis):
+            if effect.in_time:
+                law = functools.partial(effect.apply, middle)
+                mean, early = plant.after(law, mean, effect), plant.after(law, early, effect)
+        means.append(mean)
+        earlies.append(early)
+    return jnp.stack(means, axis=2), jnp.stack(earlies, axis=2)
+
+
+def lags_at_start(
+    plant: Plant, lane: Lane, steps: Float[Array, "before edge"], mean: Float[Array, "before step 2"]
+) -> Float[Array, " 2"]:
+    """States of both drives' lags at a lane's beginning, from the steps before it and the inputs' means there."""
+    constants = plant.time_constants()
+    found = []
+    for column, constant in enumerate((constants.x, constants.l)):
+        # Outside the time loop the library's exponential costs nothing.
+        fading = jnp.exp(-(lane.start - steps) / jnp.maximum(constant, INSTANT))
+        found.append(jnp.sum(mean[:, :, column] * jnp.diff(fading, axis=1)))
+    return jnp.stack(found)
 
 
 def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] | None = None) -> Drives:
@@ -95,49 +200,17 @@ def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] |
         lane: held inputs.
         steps: see `step_edges`; by default every interval is one step.
     """
-    edges = interval_edges(lane)
-    n = lane.before.shape[0]
+    given, n = supply(plant, lane), lane.before.shape[0]
     if steps is None:
-        steps = jnp.stack([edges[:-1], edges[1:]], axis=1)
-    count, many = steps.shape[0], steps.shape[1] - 1
-    means, earlies, lags = [], [], []
-    constants = plant.time_constants()
-    for column, axis in enumerate(("x", "l")):
-        w = lane.u[:, column]
-        chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
-        chain.sort(key=lambda effect: effect.order)
-        for effect in chain:
-            if not effect.in_time:
-                w = plant.after(functools.partial(effect.apply, edges[:-1]), w, effect)
-        # What has no memory and no clock may stand before the delay as well as behind it.
-        late = [effect for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
-        mean = early = jnp.broadcast_to(w[:, None], (count, many))
-        if late:
-            delay = sum((effect.delay for effect in late[1:]), late[0].delay)
-
-            def delayed(_: tuple[Array, Array], w: Array = w, delay: Scalar = delay) -> tuple[Array, Array]:
-                return _delayed(edges, w, steps[:, :-1], steps[:, 1:], delay)
-
-            mean, early = plant.after(delayed, (mean, early), *late)
-        middle = 0.5 * (steps[:, :-1] + steps[:, 1:])
-        for effect in chain:
-            if effect.in_time:
-                law = functools.partial(effect.apply, middle)
-                mean, early = plant.after(law, mean, effect), plant.after(law, early, effect)
-        constant = jnp.maximum(getattr(constants, axis), INSTANT)
-        # Outside the time loop the library's exponential costs nothing.
-        fading = jnp.exp(-(lane.start - steps[:n]) / constant)
-        lags.append(jnp.sum(mean[:n] * jnp.diff(fading, axis=1)))
-        means.append(mean[n:])
-        earlies.append(early[n:])
-    return Drives(jnp.stack(means, axis=2), jnp.stack(earlies, axis=2), jnp.stack(lags))
+        steps = even_steps(given.edges, 1)
+    mean, early = arriving(plant, given, steps, 0)
+    return Drives(mean[n:], early[n:], lags_at_start(plant, lane, steps[:n], mean[:n]))
 
 
-def _delayed(edges: Array, w: Array, begin: Array, end: Array, delay: Scalar) -> tuple[Array, Array]:
+def _delayed(edges: Array, held: Held, begin: Array, end: Array, delay: Scalar) -> tuple[Array, Array]:
     """A held input late by `delay` over spans of time: its mean, and its mean weighted by the time left."""
-    held = jnp.diff(edges)
-    once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * held)])
-    twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * held) * held)])
+    w, once, twice = held
+    assert once is not None and twice is not None
 
     def integrals(t: Array) -> tuple[Array, Array]:
         k = jnp.clip(jnp.searchsorted(edges, t, side="right") - 1, 0, w.shape[0] - 1)

@@ -220,35 +220,41 @@ def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"
     return Motions(q, v, Axes(lags[0], zero, lags[1]), z)
 
 
-def timetable(plant: Plant, lane: Lane, substeps: int, *, cut: bool = True) -> tuple[Interval, Float[Array, " 2"]]:
+def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[Array, " 2"]]:
     """The intervals of a lane (each field with a leading axis of time), and the lags' states at its beginning.
 
     Args:
         plant: what moves.
         lane: inputs and times.
         substeps: integration steps in each interval.
-        cut: whether intervals are cut where a late input changes, see `step_edges`.
     """
     lane = in_true_time(plant, lane)
-    steps = step_edges(plant, lane, substeps, cut=cut)
+    steps = step_edges(plant, lane, substeps)
     drives = drive_inputs(plant, lane, steps)
-    constants = plant.time_constants()
-    steps = steps[lane.before.shape[0] :]
-    h = jnp.diff(steps, axis=1)
+    return intervals(plant, steps[lane.before.shape[0] :], drives.mean, drives.early), drives.lags
 
+
+def intervals(
+    plant: Plant,
+    steps: Float[Array, "interval edge"],
+    mean: Float[Array, "interval step 2"],
+    early: Float[Array, "interval step 2"],
+) -> Interval:
+    """Some intervals, from their steps' edges [s] and the inputs at the drives (see `inputs.Drives`)."""
+    h = jnp.diff(steps, axis=1)
     # What counts of a lag are its means over the step: then one that is shorter than a step is not lost.
+    constants = plant.time_constants()
     ratios = [h / jnp.maximum(constant, INSTANT) for constant in constants]
     shares = [constant / jnp.where(h > 0, h, 1.0) for constant in constants]
     left = Axes(*(jnp.exp(-ratio) for ratio in ratios))
-    mean = Axes(*(-share * jnp.expm1(-ratio) for share, ratio in zip(shares, ratios, strict=True)))
-    early = Axes(*(_early(share, ratio, m) for share, ratio, m in zip(shares, ratios, mean, strict=True)))
+    left_mean = Axes(*(-share * jnp.expm1(-ratio) for share, ratio in zip(shares, ratios, strict=True)))
+    left_early = Axes(*(_early(share, ratio, m) for share, ratio, m in zip(shares, ratios, left_mean, strict=True)))
 
-    def held(inputs: Float[Array, "time step 2"]) -> Axes:
+    def held(inputs: Float[Array, "interval step 2"]) -> Axes:
         return Axes(inputs[:, :, 0], jnp.zeros_like(h), inputs[:, :, 1])
 
     number = jnp.arange(h.shape[0])
-    told = Interval(number, steps[:, :-1], h, held(drives.mean), held(drives.early), left, mean, early)
-    return told, drives.lags
+    return Interval(number, steps[:, :-1], h, held(mean), held(early), left, left_mean, left_early)
 
 
 def _early(share: Array, ratio: Array, mean: Array) -> Array:
@@ -371,8 +377,22 @@ def sample_times(plant: Plant, lane: Lane) -> Float[Array, " sample"]:
     return lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)])
 
 
+class Path(NamedTuple):
+    """A motion as the encoders follow it."""
+
+    times: Float[Array, " sample"]
+    q: Axes
+    v: Axes
+
+
 def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:
     """The same of any motion, given at some times [s]."""
+    q, v = encoded(plant, motion, rate)
+    return sensed(plant, times, q, Path(times, q, v))
+
+
+def encoded(plant: Plant, motion: Motion, rate: Motion) -> tuple[Axes, Axes]:
+    """Coordinates that the encoders sit at, and their rates."""
     q, v = motion.axes, rate.axes
     train = plant.drive_train
     if train is not None:
@@ -383,12 +403,25 @@ def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Mot
     if play is not None:
         q = q._replace(l=q.l + play.encoder * (motion.at_load().l - q.l))
         v = v._replace(l=v.l + play.encoder * (rate.at_load().l - v.l))
+    return q, v
+
+
+def sensed(plant: Plant, times: Float[Array, " sample"], q: Axes, path: Path) -> Float[Array, "sample 3"]:
+    """Readings at some times.
+
+    Args:
+        plant: whose sensors they are.
+        times: [s].
+        q: coordinates at the encoders then.
+        path: the motion up to then, into which late sensors look back.
+    """
     channels = []
     for axis in ("x", "psi", "l"):
         truth = getattr(q, axis)
         for effect in plant.all(SensorDelay):
             if AXIS_OF_SITE[effect.site] == axis:
-                law = functools.partial(_late, times, getattr(v, axis), effect.delay)
+                seen = path.times, getattr(path.q, axis), getattr(path.v, axis)
+                law = functools.partial(_late, times, *seen, effect.delay)
                 truth = plant.after(law, truth, effect)
         reading = truth
         for sensor in sorted(plant.all(AbstractSensor), key=lambda sensor: sensor.order):
@@ -400,10 +433,16 @@ def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Mot
 
 
 def _late(
-    times: Float[Array, " sample"], rate: Float[Array, " sample"], delay: Scalar, value: Float[Array, " sample"]
-) -> Float[Array, " sample"]:
-    """`value(t - delay)` by cubic Hermite interpolation; before the first sample the motion is continued backwards."""
-    wanted = times - delay
+    at: Float[Array, " time"],
+    times: Float[Array, " sample"],
+    value: Float[Array, " sample"],
+    rate: Float[Array, " sample"],
+    delay: Scalar,
+    now: Float[Array, " time"],
+) -> Float[Array, " time"]:
+    """A path `delay` before some times, by cubic Hermite interpolation; before its first sample the motion is continued
+    backwards. What is read `now` is not needed."""
+    wanted = at - delay
     k = jnp.clip(jnp.searchsorted(times, wanted, side="right") - 1, 0, times.shape[0] - 2)
     span = times[k + 1] - times[k]
     span = jnp.where(span > 0, span, 1.0)

@@ -222,7 +222,7 @@ def test_status_is_zero_whatever_the_verdict(rig, calls, monkeypatch, case):
         ("", "COMMAND; see jbridge --help"),
         ("diagnos model.toml a.csv --out out", "'diagnos'"),
         ("diagnose", "required: MODEL.toml, REC.csv, --out; see jbridge diagnose --help"),
-        ("diagnose model.toml --out out", "required: REC.csv"),
+        ("diagnose model.toml --out out", "name recordings to learn from, or folders of them behind --each"),
         ("fit model.toml a.csv --out out --hold b.csv", "unrecognized arguments: --hold"),
         ("fit model.toml a.csv --out out --holdout", "--holdout: expected at least one argument"),
         ("diagnose none.toml a.csv --out out", "none.toml: no such file"),

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "experiments" / "concealed"))
 ceiling, play, seal = (importlib.import_module(name) for name in ("ceiling", "play", "seal"))
 
 HALVES = ("dev", "laws")
-SEALS = {name: seal for half in HALVES for name, seal in json.loads(seal.SEALS.read_text())[half].items()}
+SEALS = {name: sealed for half in HALVES for name, sealed in json.loads(seal.SEALS.read_text())[half].items()}
 TRUTHS = {name: truth for half in HALVES for name, truth in seal.open_truths(half).items()}
 PARTED = ["backlash", "belt_compliance"]
 CASES = sorted(

@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 
 from .._programs import kept
 from .._types import AXES, Axes
+from ..inputs import Lane, arriving, even_steps, in_true_time, lags_at_start, supply
 from ..model.effects.base import AbstractSensor
 from ..model.effects.sensors import SensorDelay, SensorScale
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
-from ..rollout import MIDPOINT, RK4, Interval, Motions, advance, read, sample_times, start, timetable
+from ..rollout import MIDPOINT, RK4, Interval, Motions, Path, advance, encoded, intervals, sensed, start
 from .data.windows import Course
 
 STATES = 6
@@ -39,11 +40,17 @@ _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
 _LANES = 8
 """Most simulations of a call. They share the cost of a step; more gain nothing."""
+_TANGENT_LANES = 4
+"""The same where tangents are wanted, of which each simulation has a dozen or two."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 _FAR = 1e3
 _FAST = 1e3
 """Bounds of coordinates [m, rad] and velocities, beyond which a simulation has run away: it goes on there, so that it
 counts as one that is far off, not as one that says nothing."""
+_BLOCK = 64
+"""Samples of a block of time."""
+_LOST = 1e12
+"""Largest tangent."""
 _WOUND_IN = 0.01
 """Shortest rope [m]."""
 
@@ -67,8 +74,14 @@ class Sensitivity(NamedTuple):
 
     predicted: NDArray[np.float64]
     """Readings, `(sample, 3)`."""
-    tangents: NDArray[np.float64]
-    """Their derivatives by the free parameters and by the six numbers of a beginning, `(column, sample, 3)`."""
+    columns: tuple[NDArray[np.float64], ...]
+    """Their derivatives by the free parameters and by the six numbers of a beginning, each `(3, sample)`; 0 where a
+    simulation runs away."""
+
+    @property
+    def tangents(self) -> NDArray[np.float64]:
+        """The same as one array, `(column, sample, 3)`."""
+        return np.moveaxis(np.stack(self.columns), 1, 2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +142,7 @@ class Engine:
         def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
             out[i] = found[0][lane]
 
-        self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], 0, _predicted, keep)
+        self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], 0, self.lanes, _predicted, keep)
         return out
 
     def sensitivities(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
@@ -147,19 +160,23 @@ class Engine:
             parts += [(i, job.free[a : a + width]) for a in edges]
         # Those with the same columns side by side, since a call computes the effects of all of its parts.
         parts.sort(key=lambda part: part[1].tolist())
-        columns = [np.zeros((len(job.free) + STATES, self.samples, 3)) for job in jobs]
+        none = np.zeros((3, self.samples))
+        columns = [[none] * (len(job.free) + STATES) for job in jobs]
         missing = [max(len(job.free), 1) for job in jobs]
 
         def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
             predicted, tangents = found[0][lane], found[1][lane]
-            columns[i][: len(jobs[i].free)][np.isin(jobs[i].free, places)] = tangents[: len(places)]
-            columns[i][len(jobs[i].free) + self._moving] = tangents[width:]
+            free = jobs[i].free
+            for column, place in enumerate(np.flatnonzero(np.isin(free, places))):
+                columns[i][int(place)] = tangents[:, column]
+            for column, place in enumerate(self._moving):
+                columns[i][len(free) + int(place)] = tangents[:, width + column]
             missing[i] -= max(len(places), 1)
             if missing[i] == 0:
-                take(i, Sensitivity(predicted, columns[i]))
-                columns[i] = np.zeros(0)
+                take(i, Sensitivity(predicted, tuple(columns[i])))
+                columns[i] = []
 
-        self._run(jobs, parts, width, _pushed, keep)
+        self._run(jobs, parts, width, min(self.lanes, _TANGENT_LANES), _pushed, keep)
 
     def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
         """Which effects some of the parts of a call have: their parameters, and which of these are free."""
@@ -179,11 +196,11 @@ class Engine:
         jobs: Sequence[Job],
         parts: Sequence[tuple[int, NDArray[np.int64]]],
         width: int,
+        lanes: int,
         program: Callable,
         keep: Callable[[int, NDArray[np.int64], int, tuple[NDArray[np.float64], ...]], None],
     ) -> None:
         """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order."""
-        lanes = self.lanes
         calls = [parts[a : a + lanes] for a in range(0, len(parts), lanes)]
 
         def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
@@ -245,21 +262,23 @@ def _pushed(
     present: Bool[Array, " effect"] | None,
     steps: Steps,
 ) -> tuple[Array, Array]:
-    def all_lanes(vectors: Array, states: Array) -> Array:
+    def all_lanes(vectors: Array, moved: Array) -> Array:
         def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-            return _simulated(table, vector, course, restart, states, present, steps)
+            return _simulated(table, vector, course, restart, states, present, steps, moved)
 
         return jax.vmap(one)(vectors, courses, restart, states)
 
     def push(direction: Array, change: Array) -> tuple[Array, Array]:
-        everywhere = jnp.broadcast_to(change, states.shape)
-        return jax.jvp(all_lanes, (vectors, states), (direction, everywhere))
+        predicted, tangent = jax.jvp(all_lanes, (vectors, jnp.zeros(STATES)), (direction, change))
+        tangent = jnp.swapaxes(tangent, 1, 2)
+        # A simulation that runs away has no tangents to go by.
+        return predicted, jnp.where(jnp.abs(tangent) < _LOST, tangent, 0.0)
 
     lanes, width, size = towards.shape
     along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((len(begun), lanes, size))])
     change = jnp.concatenate([jnp.zeros((width, STATES)), begun])
     # Columns outside, lanes inside: processors take neighbours together, and all lanes do the same.
-    return jax.vmap(push, out_axes=(None, 1))(along, change)
+    return jax.vmap(push, out_axes=(None, 2))(along, change)
 
 
 def _simulated(
@@ -270,15 +289,30 @@ def _simulated(
     states: Float[Array, "sample state"],
     present: Bool[Array, " effect"] | None,
     steps: Steps,
+    moved: Float[Array, " state"] | None = None,
 ) -> Float[Array, "sample 3"]:
-    """Readings of one recording, with the measured coordinates set anew where `restart` is 1."""
+    """Readings of one recording, with the measured coordinates set anew where `restart` is 1, moved by `moved`.
+
+    Time passes in blocks: what is computed before and after the steps of a block stays in the processor's cache.
+    """
     plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
     plant = Plant(plant.bridge, plant.effects, present)
-    lane = course.lane
-    times = sample_times(plant, lane)
-    q, v = _behind_sensors(plant, times, states)
-    told, lags = timetable(plant, lane, steps.number, cut=False)
+    samples, earlier = restart.shape[0], course.lane.before.shape[0]
+    blocks = -(-samples // _BLOCK)
+    lane = in_true_time(plant, _padded(course.lane, blocks * _BLOCK))
+    restart, states = (_lengthened(part, blocks * _BLOCK) for part in (restart, states))
+    given = supply(plant, lane)
+    before = even_steps(given.edges[: earlier + 1], steps.number)
+    lags = lags_at_start(plant, lane, before, arriving(plant, given, before, 0)[0])
     method = RK4 if steps.fine else MIDPOINT
+
+    def own(values: Array, begin: Array | int, count: int = _BLOCK) -> Array:
+        return jax.lax.dynamic_slice_in_dim(values, begin, count)
+
+    def behind(times: Array, states: Array) -> tuple[Axes, Axes]:
+        return _behind_sensors(plant, times, states if moved is None else states + moved[None])
+
+    q, v = behind(given.edges[earlier : earlier + 1], states[:1])
     first = start(plant, jnp.stack([*(part[0] for part in q), *(part[0] for part in v)]), lags, lane.active)
 
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
@@ -287,10 +321,44 @@ def _simulated(
         after = _bounded(advance(plant, carry, told, lane.active, method=method, looped=True))
         return after, (carry.q, carry.v)
 
-    along = jax.tree.map(lambda part: part[:-1], (restart, q, v))
-    last, moved = jax.lax.scan(interval, first, (told, *along))
-    moved = jax.tree.map(lambda path, end: jnp.concatenate([path, end[None]]), moved, (last.q, last.v))
-    return read(plant, times, *moved)
+    def block(
+        carry: tuple[Motions, tuple[Axes, Axes] | None], number: Array
+    ) -> tuple[tuple[Motions, tuple[Axes, Axes] | None], Array]:
+        motions, path = carry
+        begin = number * _BLOCK
+        edges = own(given.edges, earlier + begin, _BLOCK + 1)
+        cut = even_steps(edges, steps.number)
+        told = intervals(plant, cut, *arriving(plant, given, cut, earlier + begin))
+        q, v = behind(edges[:-1], own(states, begin))
+        motions, moving = jax.lax.scan(interval, motions, (told, own(restart, begin), q, v))
+        now = encoded(plant, *moving)
+        if path is None:
+            return (motions, None), sensed(plant, edges[:-1], now[0], Path(edges[:-1], *now))
+        path = jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, begin, 0), path, now)
+        return (motions, path), sensed(plant, edges[:-1], now[0], Path(times, *path))
+
+    times, path = given.edges[earlier:-1], None
+    if any(plant.all(SensorDelay)):
+        # Late sensors look back over blocks; what is still to come lies ahead of all that they ask for.
+        still = Axes(*(jnp.zeros_like(times) for _ in AXES))
+        path = still, still
+    _, found = jax.lax.scan(block, (first, path), jnp.arange(blocks))
+    return found.reshape(-1, 3)[:samples]
+
+
+def _padded(lane: Lane, count: int) -> Lane:
+    """A lane of so many intervals; those that are added take no time."""
+    return Lane(
+        lane.start,
+        _lengthened(lane.dt, count),
+        _lengthened(lane.u, lane.before.shape[0] + count),
+        lane.before,
+        lane.active,
+    )
+
+
+def _lengthened(values: Array, count: int) -> Array:
+    return jnp.pad(values, [(0, count - values.shape[0])] + [(0, 0)] * (values.ndim - 1))
 
 
 def _behind_sensors(plant: Plant, times: Array, states: Array) -> tuple[Axes, Axes]:

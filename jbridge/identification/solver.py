@@ -26,8 +26,8 @@ of: nothing where a place was visited; one that was not takes the level of those
 Statistical Science 11, 1996)."""
 _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
-_FAINT, _LOST = 1e-12, 1e12
-"""Guards of divisions and products."""
+_FAINT = 1e-12
+"""Guard of divisions."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,15 +198,13 @@ def normal_equations(
         tiling, normal, point = data.tilings[k], out[i], points[i]
         first = int(np.flatnonzero(windows.tiling == k)[0])
         r = tiling.recording
-        scale = np.where(data.measured[r], 1.0 / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]), 0.0)
-        table = np.concatenate([found.tangents, (found.predicted - data.y[r])[None]]) * scale[None]
-        # A simulation that runs away has no tangents to go by.
-        table = np.where(np.abs(table) < _LOST, table, 0.0)
-        # Channels first, so that products of windows are products of contiguous matrices.
-        table = np.ascontiguousarray(np.moveaxis(table, 2, 0))
+        scale = np.where(data.measured[r], 1.0 / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]), 0.0).T
         n = len(point.free)
-        order = [*range(n), n + STATES, *range(n, n + STATES)]
-        table = table[:, order]
+        # Channels first, so that products of windows are products of contiguous matrices.
+        table = np.empty((3, n + 1 + STATES, data.samples))
+        for row, column in enumerate(found.columns):
+            np.multiply(column, scale, out=table[:, row if row < n else row + 1])
+        np.multiply((found.predicted - data.y[r]).T, scale, out=table[:, n])
         own = slice(first, first + tiling.windows)
         products = _products(table, tiling.begins, tiling.stops)
         away = point.states[k] - tiling.states

@@ -7,7 +7,7 @@ import pytest
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.problem import make_setting
-from jbridge.identification.sensitivity import Job
+from jbridge.identification.sensitivity import _BLOCK, Job
 from jbridge.model.files import Model
 from jbridge.rollout import MIDPOINT
 from tests.identification.cases import play, steps
@@ -47,6 +47,21 @@ def test_windows_are_rollouts_of_their_own():
             )
             # The same steps in another order of operations.
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9
+
+
+def test_late_readings_and_inputs_reach_back_over_blocks():
+    late = [("sensor_delay", f"{axis}_sensor", {"delay": delay}) for axis, delay in (("x", 0.9), ("psi", 0.035))]
+    plant = make_plant(*late, ("input_delay", "cart_drive", {"delay": 0.8}), swing_damping=0.01)
+    problem, engine, start, inputs = problem_of(plant, (WHOLE,))
+    tiling = problem.data.tilings[0]
+    # From rest, where what a late sensor reads is what there is.
+    rest = np.concatenate([tiling.states[:1, :3], np.zeros((1, 3))], axis=1)
+    [predicted] = engine.predict([Job(start.vector, 0, tiling.begins, rest)])
+    count = problem.data.grids[0].intervals
+    assert count > 2 * _BLOCK and engine.samples % _BLOCK != 0
+    lane = make_lane(inputs[0][:count], 0.01, active=EVERY_AXIS)
+    moved = simulate(plant, jnp.asarray(rest[0]), lane, substeps=engine.steps.number, method=MIDPOINT)
+    assert np.abs(predicted[: count + 1] - measure(plant, lane, moved)).max() < 1e-9
 
 
 @pytest.mark.parametrize("horizon", [0.3, WHOLE])
