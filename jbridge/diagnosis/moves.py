@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -57,8 +57,9 @@ def added(
     among: AmongAll,
     shared: Sequence[Candidate],
     choice: dict[Name, float],
-) -> list[Move]:
-    """The effects that a linear screen puts first, refitted on some windows; the best of them.
+) -> tuple[list[Move], list[Move]]:
+    """The effects that a linear screen puts first, refitted on some windows: those that may be the best, and the others
+    that should gain as well.
 
     A refit begins with short windows alone, which are nearly linear; from there, or from the screen's estimate if that
     is better, it goes on with whole recordings, where small scales and drifts show.
@@ -92,13 +93,15 @@ def added(
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
     first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
     others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
-    kept = list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1]
-    moves = []
-    for tried in (order[k] for k in sorted(kept)):
+    kept = sorted(list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1])
+    later = [k for k, tried in enumerate(order) if k not in kept and tried.promise > 0.0]
+
+    def ready(tried: _Tried) -> Move:
         candidate = tried.candidate
         move = _with(problem, part, now, among, candidate, tried.point, choice[candidate.name])
-        moves.append(dataclasses.replace(move, promise=tried.promise))
-    return moves
+        return dataclasses.replace(move, promise=tried.promise)
+
+    return [ready(order[k]) for k in kept], [ready(order[k]) for k in later]
 
 
 class _Tried(NamedTuple):
@@ -278,6 +281,33 @@ def simplifications(problem: Problem, base: Structure, now: Structure) -> list[M
                     held |= dict(zip(at, np.broadcast_to(value, len(at)).tolist(), strict=True))
             if _may_pay(problem, now, held):
                 out.append(_without(problem, base, now, name, make_effect(part.kind, name[1], law), tuple(law)))
+    return out
+
+
+def replacements(problem: Problem, base: Structure, now: Structure, runners_up: Mapping[Name, Structure]) -> list[Move]:
+    """Each added effect but the last one replaced by what came next to it when it was added: beside what was found
+    since, that may be the better one.
+
+    Args:
+        problem: recordings.
+        base, now: the model as given, and the one to change.
+        runners_up: the model with the next best effect in its place, by effect.
+    """
+    out = []
+    for name in now.names[:-1]:
+        other = runners_up.get(name)
+        if other is None:
+            continue
+        new = other.names[-1]
+        left = [e for e in now.plant.effects if (e.kind, e.site) != name]
+        [effect] = [e for e in other.plant.effects if (e.kind, e.site) == new]
+        if any((e.kind, e.site) == new for e in left):
+            continue
+        try:
+            Plant(now.plant.bridge, (*left, effect)).check()
+        except ValueError:
+            continue
+        out.append(_without(problem, base, now, name, effect, other.keys[new]))
     return out
 
 

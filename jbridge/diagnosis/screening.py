@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..identification.estimation import Problem
+from ..identification.problem import axis_of_number
 from ..identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
 from ..model.effects.base import AXIS_OF_SITE, MAP_KNOTS
 from ..model.parameters import ParameterTable
@@ -76,6 +77,10 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
             if candidate.harmonic:
                 # A small amplitude, so that the phase shows.
                 vector[table.positions(candidate.group("amplitude"))] = 1e-6
+            if candidate.finite:
+                # It has a simulation of its own, so it is weighed by the numbers of its axis alone.
+                axis = AXIS_OF_SITE[candidate.site]
+                free = [p for p in free if axis_of_number(table.entry(p)) == axis]
             free += [int(p) for p in _linear_places(among.space, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), there.states))
     points = problem.evaluate(among.space.engine, starts)
@@ -83,7 +88,8 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     out = []
     for group, point, normal in zip(groups, points, normals, strict=True):
         for candidate in group:
-            wanted = np.array(list(dict.fromkeys([*there.free, *_linear_places(among.space, candidate)])), np.int64)
+            given = [p for p in there.free if p in point.free]
+            wanted = np.array(list(dict.fromkeys([*given, *_linear_places(among.space, candidate)])), np.int64)
             columns = [int(np.flatnonzero(point.free == p)[0]) for p in wanted]
             step, value = linear_optimum(problem, among.space, point, normal, columns)
             vector = candidate.set(table, there.vector)

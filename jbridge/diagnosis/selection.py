@@ -10,7 +10,7 @@ to long ones. The search ends when no move lowers the criterion, or when every c
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -19,10 +19,22 @@ from .._programs import forget_if_large
 from ..identification.data.windows import WHOLE
 from ..identification.estimation import Problem
 from ..identification.solver import Start
+from .candidates import WRONG_VALUE
 from .criteria import CRITERIA
-from .moves import AT_ONCE, Move, added, axis_of, refinements, removals, simplifications, together, with_mechanisms
+from .moves import (
+    AT_ONCE,
+    Move,
+    added,
+    axis_of,
+    refinements,
+    removals,
+    replacements,
+    simplifications,
+    together,
+    with_mechanisms,
+)
 from .screening import seen_among_all
-from .space import is_apart, proposals
+from .space import Name, is_apart, proposals
 from .structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
 
 _SOME = 3
@@ -57,6 +69,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []
     seen = {frozenset(base.free)}
+    runners_up: dict[Name, Structure] = {}
     stopped = "criterion"
     for number in range(CRITERIA.rounds):
         now = held[-1]
@@ -68,7 +81,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {so_far}")
         try:
-            found = _smaller(problem, base, now, seen, deadline)
+            found = _smaller(problem, base, now, runners_up, seen, deadline)
             if not leaves_nothing(problem, now):
                 found += _larger(problem, base, now, not number, seen, deadline)
         except KeyboardInterrupt:
@@ -80,6 +93,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
             stopped = "budget"
         if better:
             best = min(better, key=lambda s: s.value)
+            runners_up |= _next_to(now, best, better)
             held.append(best)
             seen.add(frozenset(best.free))
         if not better or stopped == "budget":
@@ -91,11 +105,28 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
+def _next_to(now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
+    """The best model that adds another effect than the best one does on the same axis, by that effect."""
+    new = [name for name in best.names if name not in now.names]
+    if len(best.names) != len(now.names) + 1 or len(new) != 1:
+        return {}
+    others = [s for s in better if len(s.names) == len(best.names) and s.names[:-1] == now.names]
+    others = [s for s in others if s.names[-1] != new[0] and s.names[-1][0] != WRONG_VALUE]
+    others = [s for s in others if axis_of(s.names[-1]) == axis_of(new[0])]
+    return {new[0]: min(others, key=_value)} if others else {}
+
+
 def _smaller(
-    problem: Problem, base: Structure, now: Structure, seen: set[frozenset[str]], deadline: float
+    problem: Problem,
+    base: Structure,
+    now: Structure,
+    runners_up: Mapping[Name, Structure],
+    seen: set[frozenset[str]],
+    deadline: float,
 ) -> list[Structure]:
-    """The model without one of its effects, or with a simpler law in its place, fitted."""
+    """The model without one of its effects, or with a simpler law or a rival in its place, fitted."""
     moves = [*removals(problem, base, now), *simplifications(problem, base, now)]
+    moves += replacements(problem, base, now, runners_up)
     return _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
 
 
@@ -117,10 +148,17 @@ def _larger(
         name: math.log(len(names)) + math.log(sum(c.name == name for c in every if not is_apart(c.kind)) or 1)
         for name in names
     }
-    moves = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+    moves, later = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
     moves += refinements(problem, base, now, moves)
-    found = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
-    good = sorted((s for s in found if accepts(now, s)), key=lambda s: s.value)
+    found: list[Structure] = []
+    good: list[Structure] = []
+    # What promises most may be what imitates best: then it does not gain on blocks that are left out, and what
+    # promises less is looked at, too.
+    while moves and not good:
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        found += tried
+        good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
+        moves, later = later[:AT_ONCE], later[AT_ONCE:]
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)

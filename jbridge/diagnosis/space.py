@@ -16,13 +16,14 @@ from ..identification.problem import Setting, scene_of
 from ..identification.sensitivity import Engine
 from ..model.effects.base import AbstractHysteresis, AbstractMechanism, parameters_of
 from ..model.effects.catalogue import CATALOGUE, make_effect
+from ..model.effects.drives import SpeedDrive
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from .candidates import Candidate, candidates
 
 Name = tuple[str, str]
 """Kind and site of an effect."""
-_APART = (AbstractMechanism, AbstractHysteresis)
+_APART = (AbstractMechanism, AbstractHysteresis, SpeedDrive)
 
 
 def is_apart(kind: str) -> bool:

@@ -119,7 +119,7 @@ def accepts(now: Structure, then: Structure) -> bool:
     if not then.value < now.value:
         return False
     added = set(then.names) - set(now.names)
-    if len(then.point.free) < len(now.point.free) or any(happens_once(kind) for kind, _ in added):
+    if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
         return True
     steady, _ = steadiness(now.blocks - then.blocks)
     return steady > CRITERIA.sure
@@ -179,7 +179,10 @@ def _swing_period(problem: Problem) -> float:
 
 
 def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
-    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit."""
+    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit.
+
+    The step is what the block itself takes away: what all blocks together still ask for is part of no judgement.
+    """
     blocks = blocks_of(problem)
     weight, scale = problem.likelihood.weights(point.square), problem.likelihood.scale(point.square)
     n = len(point.free)
@@ -188,12 +191,16 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> ND
     tied = ties(space.table, point.free, np.diag(total)[:n])
     low, high = space.table.bounds()
     at = point.vector[point.free]
+    least, most = low[point.free] - at, high[point.free] - at
+
+    def asked(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return bounded_step(sums[:n, :n] + tied, sums[:n, n] + tied @ at, least, most, 1e-6)
+
+    every = asked(total)
     out = []
     for block in range(int(blocks.max()) + 1):
         own = blocks == block
-        rest = total - each[own].sum(axis=0)
-        gradient = rest[:n, n] + tied @ at
-        step = bounded_step(rest[:n, :n] + tied, gradient, low[point.free] - at, high[point.free] - at, 1e-6)
+        step = np.clip(asked(total - each[own].sum(axis=0)) - every, least, most)
         square = squares(problem, normal.products, step)
         out.append(float(problem.likelihood.by_window(square, scale)[own].sum()))
     return np.array(out)

@@ -230,7 +230,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     free, no force could be told from its absence.
     """
     table = ParameterTable(model.plant)
-    forces = {entry.group for entry in table.entries if entry.is_force and _axis_of(entry) in axes}
+    forces = {entry.group for entry in table.entries if entry.is_force and axis_of_number(entry) in axes}
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, ()
@@ -238,7 +238,8 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     return dataclasses.replace(model, known=model.known | {mass}), (told,)
 
 
-def _axis_of(entry: Entry) -> str:
+def axis_of_number(entry: Entry) -> str:
+    """The axis on which a number of a plant acts."""
     return PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
 
 

@@ -245,7 +245,6 @@ class SpeedDrive(AbstractEffect):
             lambda law, own: {"time_constant": law["time_constant"], "limit": UNLIMITED},
         ),
     )
-    beside: ClassVar[tuple[str, ...]] = ("actuator_lag",)
     time_constant: Scalar = parameter("s", "time constant of the setpoint", low=0.0, high=2.0)
     limit: Scalar = parameter("N", "largest force of the drive", null=UNLIMITED, low=0.0)
     share: Scalar = parameter(
