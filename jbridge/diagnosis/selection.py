@@ -3,8 +3,8 @@
 A model is a set of effects beside what was given. In each round every effect that it lacks is weighed by a linear
 screen (the criterion on the quadratic model of every window), the best are refitted together on some windows, the best
 of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left out,
-replaced by a simpler law, or a known number is set free. Every fit climbs from short windows, which are nearly linear,
-to long ones. The search ends when no move lowers the criterion, or when every channel is met.
+replaced by a simpler law or a rival, or a known number is set free. Every fit climbs from short windows, which are
+nearly linear, to long ones. The search ends when no move lowers the criterion, or when every channel is met.
 """
 
 import dataclasses
@@ -107,13 +107,12 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
 
 def _next_to(now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
     """The best model that adds another effect than the best one does on the same axis, by that effect."""
-    new = [name for name in best.names if name not in now.names]
-    if len(best.names) != len(now.names) + 1 or len(new) != 1:
+    if best.names[:-1] != now.names:
         return {}
-    others = [s for s in better if len(s.names) == len(best.names) and s.names[:-1] == now.names]
-    others = [s for s in others if s.names[-1] != new[0] and s.names[-1][0] != WRONG_VALUE]
-    others = [s for s in others if axis_of(s.names[-1]) == axis_of(new[0])]
-    return {new[0]: min(others, key=_value)} if others else {}
+    new = best.names[-1]
+    others = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
+    others = [s for s in others if s.names[-1] != new and axis_of(s.names[-1]) == axis_of(new)]
+    return {new: min(others, key=_value)} if others else {}
 
 
 def _smaller(
