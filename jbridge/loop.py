@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._types import Axes, Scalar
 from .collect import AbstractCollector, Everything
@@ -36,12 +36,64 @@ class Response(NamedTuple):
     """What was wanted."""
 
 
-class _Carry(NamedTuple):
+class Sampled(NamedTuple):
+    """A plant between two commands, with what its drives and sensors remember."""
+
     motions: Motions
-    controller: Any
     past: Float[Array, "memory 2"]
+    """Commands that may still be on their way [V]."""
     trail: tuple[Motion, Motion]
     """Positions and velocities at the latest samples, the present one last."""
+
+
+class SampledPlant(NamedTuple):
+    """A plant as a controller has it: sampled in equal periods, with commands that are held between them."""
+
+    plant: Plant
+    period: Scalar
+    """[s]"""
+    substeps: int
+    """Integration steps in each period."""
+    memory: int
+    """Periods that the plant's delays reach back."""
+    active: Axes
+    """1 for an axis that moves."""
+    method: Method = RK4
+    looped: bool = False
+    """See `rollout.advance`."""
+
+    def begin(self, initial: Float[Array, " state"]) -> Sampled:
+        """The first sample, before which everything was at rest (see `rollout.initial_motion`)."""
+        dtype = initial.dtype
+        first = start(self.plant, initial, jnp.zeros(2, dtype), self.active)
+        trail = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], self.memory + 1, axis=0), (first.q, first.v))
+        rest = jax.tree.map(lambda leaf: leaf.at[:-1].set(0.0), trail[1])
+        return Sampled(first, jnp.zeros((self.memory, 2), dtype), (trail[0], rest))
+
+    def measured(self, now: Sampled, time: Scalar) -> Axes:
+        """What the encoders read at a sample [m, rad, m]."""
+        back = self.period * jnp.arange(-self.memory, 1, dtype=self.period.dtype)
+        reading = read(self.plant, self.plant.time_scale() * (time + back), *now.trail)[-1]
+        return Axes(reading[0], reading[1], reading[2])
+
+    def after(self, now: Sampled, number: Int[Array, ""], time: Scalar, command: Float[Array, " 2"]) -> Sampled:
+        """The plant one period later.
+
+        Args:
+            now: the plant.
+            number: of the sample, from 0.
+            time: of the sample [s].
+            command: of cart and hoist, held over the period [input unit].
+        """
+        inputs = jnp.concatenate([now.past, command[None]])
+        lane = Lane(time, self.period[None], inputs, jnp.full(self.memory, self.period), self.active)
+        told, _ = timetable(self.plant, lane, self.substeps)
+        interval = jax.tree.map(lambda leaf: leaf[0], told)._replace(number=number)
+        motions = advance(self.plant, now.motions, interval, self.active, method=self.method, looped=self.looped)
+        trail = jax.tree.map(
+            lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), now.trail, (motions.q, motions.v)
+        )
+        return Sampled(motions, inputs[1:] if self.memory else now.past, trail)
 
 
 def periods_remembered(plant: Plant, period: float) -> int:
@@ -90,35 +142,18 @@ def closed_loop(
     one = jnp.ones_like(initial[0])
     moving = Axes(one, one, one) if active is None else active
     step = jnp.asarray(period, one.dtype)
-    first = start(plant, initial, jnp.zeros(2, one.dtype), moving)
-    trail = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], memory + 1, axis=0), (first.q, first.v))
-    # Before the first sample everything was at rest.
-    rest = jax.tree.map(lambda leaf: leaf.at[:-1].set(0.0), trail[1])
-    times_back = step * jnp.arange(-memory, 1, dtype=one.dtype)
-
-    def look(carry: _Carry, t: Array) -> Axes:
-        reading = read(plant, plant.time_scale() * (t + times_back), *carry.trail)[-1]
-        return Axes(reading[0], reading[1], reading[2])
-
+    sampled = SampledPlant(plant, step, substeps, memory, moving, method, reverse)
     controller = controller.ready()
-    begin = _Carry(first, None, jnp.zeros((memory, 2), one.dtype), (trail[0], rest))
-    begin = begin._replace(controller=controller.start(look(begin, jnp.zeros_like(one))))
+    first = sampled.begin(initial)
 
-    def tick(carry: _Carry, now: tuple[Array, Reference]) -> tuple[_Carry, Response]:
-        number, wanted = now
+    def tick(carry: tuple[Sampled, Any], now: tuple[Array, Reference]) -> tuple[tuple[Sampled, Any], Response]:
+        (bridge, state), (number, wanted) = carry, now
         t = number.astype(one.dtype) * step
-        measured = look(carry, t)
-        command, state = controller.command(carry.controller, measured, wanted, step)
-        inputs = jnp.concatenate([carry.past, command[None]])
-        lane = Lane(t, step[None], inputs, jnp.full(memory, step), moving)
-        told, _ = timetable(plant, lane, substeps)
-        interval = jax.tree.map(lambda leaf: leaf[0], told)._replace(number=number)
-        motions = advance(plant, carry.motions, interval, moving, method=method, looped=reverse)
-        later = jax.tree.map(
-            lambda trail, leaf: jnp.concatenate([trail[1:], leaf[None]]), carry.trail, (motions.q, motions.v)
-        )
-        response = Response(carry.motions.q, carry.motions.v, measured, command, t, wanted)
-        return _Carry(motions, state, inputs[1:] if memory else carry.past, later), response
+        measured = sampled.measured(bridge, t)
+        command, state = controller.command(state, measured, wanted, step)
+        response = Response(bridge.motions.q, bridge.motions.v, measured, command, t, wanted)
+        return (sampled.after(bridge, number, t, command), state), response
 
+    begin = first, controller.start(sampled.measured(first, jnp.zeros_like(one)))
     count = reference.x.shape[0]
     return collect.run(jax.checkpoint(tick), begin, (jnp.arange(count), reference))

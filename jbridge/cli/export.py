@@ -9,11 +9,12 @@ from .common import OUT, Commands, Console, command
 _HELP = """\
 Writes a controller or a model in the language of another program.
 
-A controller becomes one header in C99 (--to c): no allocation, double or float,
-and a self-test. A model becomes MuJoCo's XML (--to mujoco), a linear system
-about the load hanging still on --rope metres for Python (--to statespace), or a
-MATLAB function with its numbers (--to matlab); what the language cannot say of
-a model's effects is named in the file.
+A controller or a model becomes one header in C99 (--to c): no allocation,
+double or float, and a self-test; a model with all its effects moves on by
+--period seconds at each call. A model also becomes MuJoCo's XML (--to mujoco),
+a linear system about the load hanging still on --rope metres for Python
+(--to statespace), or a MATLAB function with its numbers (--to matlab); what the
+language cannot say of a model's effects is named in the file.
 """
 
 
@@ -27,6 +28,7 @@ def add(commands: Commands) -> None:
     export.add_argument("source", metavar="MODEL.toml|CONTROLLER.toml", help="what is exported")
     export.add_argument("--to", choices=("c", "mujoco", "statespace", "matlab"), required=True, help="the language")
     export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
+    export.add_argument("--period", type=float, default=0.01, metavar="SECONDS", help="of a model in C (0.01)")
     export.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
 
@@ -34,5 +36,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     jbridge.check_output(arguments.out, folder=True, inputs=[arguments.source])
     console("reading")
     jbridge.set_up(arguments.cache)
-    path = jbridge.save_export(arguments.out, arguments.source, arguments.to, rope=arguments.rope)
+    path = jbridge.save_export(
+        arguments.out, arguments.source, arguments.to, rope=arguments.rope, period=arguments.period
+    )
     console.show(f"{path}\n", lambda: {"out": str(path)})

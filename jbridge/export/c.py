@@ -31,6 +31,12 @@ TOLERANCES = {"double": 1e-12, "float": 1e-3}
 """Largest difference of a command from Python's [V]: in single precision, differences of positions are rounded, too."""
 
 
+def check_name(name: str) -> None:
+    """Raises InputError where a name is no identifier of C."""
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
+        raise InputError(f"{name!r} is no name in C; use letters, digits and underscores, a letter first")
+
+
 def controller_header(controller: Controller, name: str) -> str:
     """The header of a controller.
 
@@ -41,8 +47,7 @@ def controller_header(controller: Controller, name: str) -> str:
     Raises:
         InputError: the name is no identifier of C, or the law has no form in C.
     """
-    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
-        raise InputError(f"{name!r} is no name in C; use letters, digits and underscores, a letter first")
+    check_name(name)
     write = _LAWS.get(type(controller.law))
     if write is None:
         raise InputError(f"a {type(controller.law).__name__} has no form in C; export a fuzzy, PID or LQR controller")

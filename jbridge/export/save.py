@@ -10,24 +10,33 @@ from ..control.files import load_controller
 from ..errors import InputError
 from ..model.files import load_model, requires
 from .c import controller_header
+from .c_model import model_header
 from .models import matlab_function, mujoco_xml, state_space_module
 
 TARGETS = ("c", "mujoco", "statespace", "matlab")
-"""Languages: C99 for controllers, the rest for models."""
+"""Languages: C99 for controllers and models, the rest for models."""
+PERIOD = 0.01
+"""Time between samples of a model in C where nothing else is said [s]."""
 ROPE = 0.5
 """Length of the rope at a model's working point where nothing else is said [m]."""
 
 
 def save_export(
-    folder: str | os.PathLike[str], source: str | os.PathLike[str], target: str, *, rope: float = ROPE
+    folder: str | os.PathLike[str],
+    source: str | os.PathLike[str],
+    target: str,
+    *,
+    rope: float = ROPE,
+    period: float = PERIOD,
 ) -> Path:
     """Writes a controller or a model in another program's language.
 
     Args:
         folder: which is made if need be; the file in it is called like the source.
-        source: a controller's TOML for `c`, otherwise a model's.
+        source: a model's TOML, or a controller's for `c`.
         target: one of `TARGETS`.
         rope: length of the rope at the working point of a model [m].
+        period: time between samples of a model in C [s]; a controller has its own.
 
     Returns:
         The file: `NAME.h`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
@@ -39,22 +48,12 @@ def save_export(
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
     document = read_toml(path, "model or controller", "a [bridge] table, or the kind of a controller")
-    if target == "c":
-        if "kind" not in document and "bridge" in document:
-            Where(str(path)).refuse("a model, but only controllers are exported as C; choose --to mujoco, ...")
+    if "bridge" in document or ("kind" not in document and target != "c"):
+        text, end = _model(path, name, target, rope, period)
+    elif target == "c":
         text, end = controller_header(load_controller(path), name), ".h"
     else:
-        if "kind" in document and "bridge" not in document:
-            Where(str(path)).refuse(f"a controller, but only models are exported to {target}; choose --to c")
-        if not 0.0 < rope < 1e3:
-            raise InputError(f"--rope {rope:g}: give the length of the rope at the working point in metres, above 0")
-        model = load_model(path)
-        requires(model, ("x", "psi", "l"))
-        text, end = {
-            "mujoco": lambda: (mujoco_xml(model, rope), ".xml"),
-            "statespace": lambda: (state_space_module(model, rope), "_statespace.py"),
-            "matlab": lambda: (matlab_function(model, name, rope), ".m"),
-        }[target]()
+        Where(str(path)).refuse(f"a controller, but only models are exported to {target}; choose --to c")
     file = Path(folder) / f"{name}{end}"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -62,3 +61,20 @@ def save_export(
         raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
     replace_text(file, text)
     return file
+
+
+def _model(path: Path, name: str, target: str, rope: float, period: float) -> tuple[str, str]:
+    """A model's text, and how its file ends."""
+    if not 0.0 < rope < 1e3:
+        raise InputError(f"--rope {rope:g}: give the length of the rope at the working point in metres, above 0")
+    if not 1e-5 <= period <= 1.0:
+        raise InputError(f"--period {period:g}: give the time between samples in seconds, from 1e-5 to 1")
+    model = load_model(path)
+    if target == "c":
+        return model_header(model, name, period=period, rope=rope), ".h"
+    requires(model, ("x", "psi", "l"))
+    if target == "mujoco":
+        return mujoco_xml(model, rope), ".xml"
+    if target == "statespace":
+        return state_space_module(model, rope), "_statespace.py"
+    return matlab_function(model, name, rope), ".m"

@@ -82,6 +82,12 @@ def save_model(path: str | os.PathLike[str], model: Model) -> None:
     replace_text(Path(path), _as_toml(model))
 
 
+def present(model: Model) -> frozenset[str]:
+    """The axes of `x`, `psi`, `l` for which the file gives all masses and gains that they need."""
+    lacking = {axis for needing, _, keys in _NEEDS for axis in needing if not set(keys) <= model.given}
+    return frozenset({"x", "psi", "l"} - lacking)
+
+
 def requires(model: Model, axes: Collection[str]) -> None:
     """Checks that the file gives every mass and gain of the parts that exist.
 

@@ -120,7 +120,8 @@ MODEL = "[bridge]\n" + "".join(f"{key} = {value}\n" for key, value in NUMBERS.it
 
 
 @pytest.mark.parametrize(
-    ("to", "name"), [("mujoco", "my_rig.xml"), ("statespace", "my_rig_statespace.py"), ("matlab", "my_rig.m")]
+    ("to", "name"),
+    [("c", "my_rig.h"), ("mujoco", "my_rig.xml"), ("statespace", "my_rig_statespace.py"), ("matlab", "my_rig.m")],
 )
 def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
     monkeypatch.chdir(tmp_path)
@@ -132,7 +133,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["model.toml", "--to", "c"], "a model, but only controllers are exported as C"),
+        (["model.toml", "--to", "c", "--period", "0"], "--period 0: give the time between samples"),
         (["fuzzy.toml", "--to", "matlab"], "a controller, but only models are exported to matlab; choose --to c"),
         (["model.toml", "--to", "mujoco", "--rope", "0"], "--rope 0: give the length of the rope"),
         (["model.toml", "--to", "fmu"], "invalid choice"),

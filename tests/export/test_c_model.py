@@ -1,0 +1,82 @@
+"""Models in C99, compiled with gcc, against the simulation that they come from."""
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from jbridge.export.c_model import model_header, played, sampled_plant
+from jbridge.export.translate import Translator
+from jbridge.model.effects.catalogue import make_effect
+from jbridge.model.files import Model
+from tests.problems import NUMBERS, PLACES, make_plant, null_effect
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+
+RIG = [
+    ("coulomb_friction", "cart", {"level": 3.25}),
+    ("position_dependent_friction", "hoist", {"knots": [0.2, 0.4, 0.6], "levels": [0.5, 1.0, 0.7]}),
+    ("input_delay", "cart_drive", {"delay": 0.013}),
+    ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
+    ("sensor_delay", "psi_sensor", {"delay": 0.017}),
+]
+MECHANISMS = [
+    ("backlash", "cart", {}),
+    ("rope_elasticity", "hoist", {}),
+    ("double_pendulum", "swing", {}),
+    ("speed_drive", "cart_drive", {}),
+]
+
+
+def model_of(*effects, given=frozenset(NUMBERS)):
+    return Model(make_plant(*effects), frozenset(), given, {})
+
+
+def run(folder, header, *options):
+    (folder / "rig.c").write_text(header)
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-DRIG_MAIN"]
+    subprocess.run(["gcc", *strict, *options, "rig.c", "-o", "rig", "-lm"], cwd=folder, check=True)
+    return subprocess.run([folder / "rig"], capture_output=True, text=True, check=False)
+
+
+def agrees(folder, model, **options):
+    header = model_header(model, "rig", **{"period": 0.01, "rope": 0.5} | options)
+    for kind in ("double", "float"):
+        told = run(folder, header, f"-DRIG_REAL={kind}")
+        assert told.returncode == 0 and told.stdout.startswith("0 of 96"), told.stdout
+    return header
+
+
+def test_a_rig_moves_the_same_in_c(tmp_path):
+    """With friction that sticks, delays, a lag and a table over the place; a changed constant is noticed."""
+    header = agrees(tmp_path, model_of(*(make_effect(*each) for each in RIG)))
+    assert "rig_C(3.25)" in header and not re.search(r"\b(malloc|calloc|realloc|free)\b", header)
+    assert run(tmp_path, header.replace("rig_C(3.25)", "rig_C(3.5)")).returncode == 1
+
+
+def test_parts_that_a_rig_lacks_stay(tmp_path):
+    """A cart alone: nothing swings, and the rope keeps its length."""
+    cart = model_of(given=frozenset({"cart_mass", "cart_gain"}))
+    agrees(tmp_path, cart)
+    readings = played(sampled_plant(cart, 0.01), cart, 0.5, 32, seed=0).readings
+    assert np.ptp(readings[:, 0]) > 1e-3 and np.ptp(readings[:, 1]) == 0 and np.ptp(readings[:, 2]) == 0
+
+
+@pytest.mark.slow
+def test_the_whole_catalogue_in_c(tmp_path):
+    agrees(tmp_path, model_of(*(null_effect(kind, site) for kind, site in PLACES)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "site", "values"), MECHANISMS, ids=[kind for kind, _, _ in MECHANISMS])
+def test_mechanisms_in_c(tmp_path, kind, site, values):
+    agrees(tmp_path, model_of(make_effect(kind, site, values)), period=0.005)
+
+
+def test_what_nothing_uses_is_left_out():
+    translator = Translator()
+    found = translator.call(lambda a, b: (a + b, a * b), np.asarray("a", object), np.asarray("b", object))
+    translator.line(f"out = {found[1][()]};")
+    assert [line.strip() for line in translator.lines] == ["const P_real v2 = a * b;", "out = v2;"]
