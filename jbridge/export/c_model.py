@@ -213,7 +213,7 @@ def _stored(sampled: SampledPlant, shapes: list[tuple[int, ...]]) -> Sampled:
 def _store(translator: Translator, leaves: list[Atoms]) -> None:
     values = [value for leaf in leaves for value in np.asarray(leaf).ravel()]
     # A state that moves on to another place is read before that place is written.
-    names = [translator.let(literal(value)) for value in values]
+    names = [translator.let(v) if isinstance(v, str) and v.startswith("s[") else literal(v) for v in values]
     for place, name in enumerate(names):
         translator.line(f"state->s[{place}] = {name};")
 
