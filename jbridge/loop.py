@@ -41,7 +41,7 @@ class Sampled(NamedTuple):
 
     motions: Motions
     past: Float[Array, "memory 2"]
-    """Commands that may still be on their way [V]."""
+    """Commands that may still be on their way [input unit]."""
     trail: tuple[Motion, Motion]
     """Positions and velocities at the latest samples, the present one last."""
 

@@ -110,7 +110,7 @@ def simulate(
 def _from_rest(model: Model, recording: Recording, parts: dict[str, bool]) -> np.ndarray:
     """Readings at the rows, `(row, 3)`, of a run that begins at rest."""
     plant = model.plant
-    initial = np.zeros(6 + 2 * len(plant.mechanisms))
+    initial = np.zeros(plant.states)
     for k, axis in enumerate(AXES):
         measured = getattr(recording, axis)
         if axis in recording.initial:

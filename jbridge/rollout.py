@@ -214,7 +214,7 @@ def start(plant: Plant, initial: Float[Array, " state"], lags: Float[Array, " 2"
     """The first motion, from an initial-state vector (see `initial_motion`) and the states of both drives' lags."""
     q, v = initial_motion(plant, initial, active)
     zero = jnp.zeros_like(q.x)
-    z, k = None, 6 + 2 * len(plant.mechanisms)
+    z, k = None, plant.states
     if plant.hysteresis is not None:
         z = folded(initial[k], jnp.ones_like(zero)) if initial.shape[0] > k else zero
     return Motions(q, v, Axes(lags[0], zero, lags[1]), z)

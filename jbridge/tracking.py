@@ -70,7 +70,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     # Shaped references end later; what is wanted stays where it is meanwhile, and is what the moves are measured by.
     beyond = [(0, len(path.times) - len(wanted.times)), (0, 0)]
     goal = np.pad(np.stack([wanted.x, wanted.l], axis=1), beyond, mode="edge")
-    initial = np.zeros(6 + 2 * len(plant.mechanisms))
+    initial = np.zeros(plant.states)
     initial[0], initial[2] = path.x[0], path.l[0]
     response = _run(
         plant,

@@ -62,7 +62,7 @@ def test_rollouts_agree(effects):
 
     def batch(plant, starts, volts):
         def one(start):
-            whole = jnp.zeros(6 + 2 * len(plant.mechanisms)).at[:6].set(start)
+            whole = jnp.zeros(plant.states).at[:6].set(start)
             run = jbridge.play(plant, whole, volts, period=PERIOD, substeps=2, collect=Every(20))
             return jnp.stack(run.q.axes)
 

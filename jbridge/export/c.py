@@ -5,7 +5,6 @@ do, and `NAME_self_test`, which lets the controller run over samples whose comma
 defines `NAME_REAL` as `float` before it includes the header to compute in single precision.
 """
 
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -23,18 +22,13 @@ from ..control.linear import Pid, StateFeedback
 from ..errors import InputError
 from ..fuzzy.inference import AbstractSystem
 from ..fuzzy.rules import Variable
-from .c_fuzzy import HELPERS, real, system_source
+from .c_fuzzy import HELPERS, system_source
+from .header import SelfTest, constant, header
 
 SAMPLES = 32
 """Samples of the self-test."""
 TOLERANCES = {"double": 1e-12, "float": 1e-3}
 """Largest difference of a command from Python's [V]: in single precision, differences of positions are rounded, too."""
-
-
-def check_name(name: str) -> None:
-    """Raises InputError where a name is no identifier of C."""
-    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
-        raise InputError(f"{name!r} is no name in C; use letters, digits and underscores, a letter first")
 
 
 def controller_header(controller: Controller, name: str) -> str:
@@ -47,7 +41,6 @@ def controller_header(controller: Controller, name: str) -> str:
     Raises:
         InputError: the name is no identifier of C, or the law has no form in C.
     """
-    check_name(name)
     write = _LAWS.get(type(controller.law))
     if write is None:
         raise InputError(f"a {type(controller.law).__name__} has no form in C; export a fuzzy, PID or LQR controller")
@@ -59,42 +52,31 @@ def controller_header(controller: Controller, name: str) -> str:
     functions, step, sums = write(controller.law, controller.period)
     law: Any = controller.law
     share = controller.period / (controller.period + float(law.differences.time_constant))
-    text = _HEAD + HELPERS + functions + _START.replace("SUMS", _SUMS_START if sums else "")
-    text += _STEP.replace("SHARE", real(share)).replace("PERIOD", real(controller.period)).replace("LAW", step)
-    text += _self_test(controller)
-    text = text.replace("MEMBERS", "\n    P_real sums[2];" if sums else "").replace("SECONDS", repr(controller.period))
-    text = text.replace("P_NAME", name.upper())
-    return re.sub(r"\bR\(", f"{name}_C(", re.sub(r"\bP_", f"{name}_", text))
+    text = HELPERS + functions + _START.replace("SUMS", _SUMS_START if sums else "")
+    text += _STEP.replace("SHARE", constant(share)).replace("PERIOD", constant(controller.period)).replace("LAW", step)
+    return header(
+        name,
+        about=_ABOUT,
+        period=controller.period,
+        members=_MEMBERS + (_SUMS if sums else ""),
+        functions=text,
+        test=_self_test(controller),
+    )
 
 
-_HEAD = """\
-/* A controller of cart and hoist, written by jbridge. All numbers are in SI units, angles in rad.
- *
- *     P_state state;
- *     P_start(&state, measured);                        once, with what the encoders read at rest
- *     P_step(&state, measured, reference, command);     every SECONDS s
- *
- * measured: x [m], psi [rad], l [m]. reference: x [m], l [m] and their speeds [m/s]. command: u_x, u_l [V].
- * Define P_NAME_REAL as float before this file is included to compute in single precision. P_self_test() returns how
- * many commands differ from those that jbridge computed; with P_NAME_MAIN defined this file is a program that says so.
- */
-#ifndef P_NAME_H
-#define P_NAME_H
-#include <tgmath.h>
+_ABOUT = """\
+A controller of cart and hoist, written by jbridge. All numbers are in SI units, angles in rad.
 
-#ifndef P_NAME_REAL
-#define P_NAME_REAL double
-#endif
-typedef P_NAME_REAL P_real;
-#define P_C(value) ((P_real)(value))
-#define P_NAME_PERIOD SECONDS
+    P_state state;
+    P_start(&state, measured);                        once, with what the encoders read at rest
+    P_step(&state, measured, reference, command);     every SECONDS s
 
-typedef struct {
-    P_real last[3];
-    P_real speed[3];MEMBERS
-} P_state;
-
+measured: x [m], psi [rad], l [m]. reference: x [m], l [m] and their speeds [m/s]. command: u_x, u_l [V].
 """
+_MEMBERS = """\
+    P_real last[3];
+    P_real speed[3];"""
+_SUMS = "\n    P_real sums[2];"
 _START = """
 static inline void P_start(P_state *state, const P_real measured[3]) {
     int k;
@@ -115,43 +97,18 @@ static inline void P_step(P_state *state, const P_real measured[3], const P_real
     }
 LAW}
 """
-_TEST = """
-static inline int P_self_test(void) {
-    /* Of every sample measured, reference, command. */
-    static const P_real samples[COUNT][9] = {
-ROWS
-    };
-    const P_real tolerance = sizeof(P_real) < sizeof(double) ? FLOAT : DOUBLE;
-    P_state state;
-    P_real command[2];
-    int i, k, failed = 0;
-    P_start(&state, samples[0]);
-    for (i = 0; i < COUNT; ++i) {
-        P_step(&state, samples[i], samples[i] + 3, command);
-        for (k = 0; k < 2; ++k)
-            if (!(fabs(command[k] - samples[i][7 + k]) <= tolerance)) ++failed;
-    }
-    return failed;
-}
-
-#ifdef P_NAME_MAIN
-#include <stdio.h>
-int main(void) {
-    const int failed = P_self_test();
-    printf("%d of %d commands differ from jbridge's\\n", failed, 2 * COUNT);
-    return failed ? 1 : 0;
-}
-#endif
-#endif
-"""
 
 
-def _self_test(controller: Controller) -> str:
+def _self_test(controller: Controller) -> SelfTest:
     measured, reference, command = samples(controller, SAMPLES, seed=0)
-    rows = np.concatenate([measured, reference, command], axis=1)
-    lines = ",\n".join("        {" + ", ".join(map(real, row)) + "}" for row in rows)
-    text = _TEST.replace("ROWS", lines).replace("COUNT", str(SAMPLES))
-    return text.replace("FLOAT", real(TOLERANCES["float"])).replace("DOUBLE", real(TOLERANCES["double"]))
+    return SelfTest(
+        what="commands",
+        begin="P_start(&state, samples[0]);",
+        each="P_step(&state, samples[i], samples[i] + 3, found);",
+        given=np.concatenate([measured, reference], axis=1),
+        wanted=command,
+        tolerances=TOLERANCES,
+    )
 
 
 def samples(
@@ -200,9 +157,10 @@ def _compensated(compensation: Compensation | None, signals: tuple[str, str]) ->
     limits = compensation.cart_limit, compensation.hoist_limit
     text = ""
     for k, signal in enumerate(signals):
-        low, high = real(-float(limits[k])), real(limits[k])
+        low, high = constant(-float(limits[k])), constant(limits[k])
         text += f"    command[{k}] = {signal};\n"
-        given = f"command[{k}] + {real(lost[k])} * tanh(command[{k}] / {real(compensation.blur)}) + {real(bias[k])}"
+        blurred = f"tanh(command[{k}] / {constant(compensation.blur)})"
+        given = f"command[{k}] + {constant(lost[k])} * {blurred} + {constant(bias[k])}"
         text += f"    command[{k}] = P_between({given}, {low}, {high});\n"
     return text
 
@@ -211,12 +169,12 @@ def _fuzzy(law: FuzzyController, period: float) -> tuple[str, str, bool]:
     """Functions, the statements of a step, and whether there are integrals."""
     speeds = [f" - reference[{2 + k}]" if law.relative_speed else "" for k in range(2)]
     cart = {
-        "error": f"(reference[0] - measured[0]) / {real(law.cart_scale)}",
+        "error": f"(reference[0] - measured[0]) / {constant(law.cart_scale)}",
         "velocity": f"speed[0]{speeds[0]}",
-        "angle": f"measured[1] * {real(180.0 / np.pi)}",
+        "angle": f"measured[1] * {constant(180.0 / np.pi)}",
     }
     hoist = {
-        "error": f"(reference[1] - measured[2]) / {real(law.hoist_scale)}",
+        "error": f"(reference[1] - measured[2]) / {constant(law.hoist_scale)}",
         "velocity": f"speed[2]{speeds[1]}",
     }
 
@@ -233,11 +191,11 @@ def _fuzzy(law: FuzzyController, period: float) -> tuple[str, str, bool]:
 def _pid(law: Pid, period: float) -> tuple[str, str, bool]:
     text, signals = "", []
     for k, (axis, place) in enumerate((("cart", 0), ("hoist", 2))):
-        p, i, d = (real(getattr(law, f"{axis}_{term}")) for term in "pid")
+        p, i, d = (constant(getattr(law, f"{axis}_{term}")) for term in "pid")
         room = float(law.most) * float(LIMITS[k])
         error, slope = f"(reference[{k}] - measured[{place}])", f"(reference[{2 + k}] - speed[{place}])"
-        grown = f"state->sums[{k}] + {i} * {error} * {real(period)}"
-        text += f"    state->sums[{k}] = P_between({grown}, {real(-room)}, {real(room)});\n"
+        grown = f"state->sums[{k}] + {i} * {error} * {constant(period)}"
+        text += f"    state->sums[{k}] = P_between({grown}, {constant(-room)}, {constant(room)});\n"
         signals.append(f"{p} * {error} + state->sums[{k}] + {d} * {slope}")
     return "", text + _compensated(law.compensation, (signals[0], signals[1])), True
 
@@ -253,7 +211,7 @@ def _state_feedback(law: StateFeedback, period: float) -> tuple[str, str, bool]:
     )
     text = "    const P_real away[6] = {\n        " + ",\n        ".join(away) + "};\n"
     gains = np.asarray(law.gains)
-    signals = [" + ".join(f"{real(-gain)} * away[{k}]" for k, gain in enumerate(row)) for row in gains]
+    signals = [" + ".join(f"{constant(-gain)} * away[{k}]" for k, gain in enumerate(row)) for row in gains]
     return "", text + _compensated(law.compensation, (signals[0], signals[1])), False
 
 

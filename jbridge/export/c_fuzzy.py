@@ -28,6 +28,7 @@ from ..fuzzy.membership import AbstractMembership, Trapezoidal, flank_slope
 from ..fuzzy.norms import AbstractNorm, Product, Sum
 from ..fuzzy.rules import Clause, Rule, Variable
 from ..fuzzy.sugeno import Conclusions, Sugeno
+from .header import constant
 
 HELPERS = """\
 static inline P_real P_lesser(P_real a, P_real b) { return a < b ? a : b; }
@@ -71,14 +72,6 @@ _LEAST = 1e-100
 """Least width that is divided by, as in `fuzzy.membership`."""
 
 
-def real(value: object) -> str:
-    """A constant with as many digits as give a double back."""
-    number = float(value)  # type: ignore[arg-type]
-    if np.isinf(number):
-        return "INFINITY" if number > 0 else "-INFINITY"
-    return f"R({number!r})"
-
-
 def combined(norm: AbstractNorm, first: str, second: str) -> str:
     """Two degrees under a norm."""
     if norm.name in ("prod", "sum"):
@@ -97,27 +90,27 @@ def degree_of(member: AbstractMembership, value: str) -> str:
         top_left = -np.inf if float(general.left) == -np.inf else general.top_left
         top_right = np.inf if float(general.right) == np.inf else general.top_right
         left, right = (general.left if rise else 0.0), (general.right if fall else 0.0)
-        return f"P_flanks({value}, {', '.join(map(real, (left, rise, top_left, top_right, fall, right)))})"
+        return f"P_flanks({value}, {', '.join(map(constant, (left, rise, top_left, top_right, fall, right)))})"
     numbers = [float(number) for number in member.parameters()]
     return _CURVED[member.kind](value, numbers)
 
 
 def _spline(value: str, begin: float, end: float) -> str:
     slope = float(flank_slope(jnp.asarray(begin), jnp.asarray(end)))
-    return f"P_spline({value}, {real(begin)}, {real(slope)}, {real(0.5 * (begin + end))})"
+    return f"P_spline({value}, {constant(begin)}, {constant(slope)}, {constant(0.5 * (begin + end))})"
 
 
 def _gauss(value: str, width: float, centre: float) -> str:
-    return f"P_gauss({value}, {real(max(abs(width), _LEAST))}, {real(centre)})"
+    return f"P_gauss({value}, {constant(max(abs(width), _LEAST))}, {constant(centre)})"
 
 
 def _sigmoid(value: str, slope: float, centre: float) -> str:
-    return f"P_sigmoid({value}, {real(slope)}, {real(centre)})"
+    return f"P_sigmoid({value}, {constant(slope)}, {constant(centre)})"
 
 
 def _two_sided(value: str, n: Sequence[float]) -> str:
-    left = _gauss(f"P_lesser({value}, {real(n[1])})", n[0], n[1])
-    return f"{left} * {_gauss(f'P_greater({value}, {real(n[3])})', n[2], n[3])}"
+    left = _gauss(f"P_lesser({value}, {constant(n[1])})", n[0], n[1])
+    return f"{left} * {_gauss(f'P_greater({value}, {constant(n[3])})', n[2], n[3])}"
 
 
 _CURVED = {
@@ -126,7 +119,7 @@ _CURVED = {
     "pimf": lambda v, n: f"{_spline(v, n[0], n[1])} * {_spline(f'-({v})', -n[3], -n[2])}",
     "gaussmf": lambda v, n: _gauss(v, n[0], n[1]),
     "gauss2mf": _two_sided,
-    "gbellmf": lambda v, n: f"P_bell({v}, {real(max(abs(n[0]), _LEAST))}, {real(n[1])}, {real(n[2])})",
+    "gbellmf": lambda v, n: f"P_bell({v}, {constant(max(abs(n[0]), _LEAST))}, {constant(n[1])}, {constant(n[2])})",
     "sigmf": lambda v, n: _sigmoid(v, n[0], n[1]),
     "dsigmf": lambda v, n: f"fabs({_sigmoid(v, n[0], n[1])} - {_sigmoid(v, n[2], n[3])})",
     "psigmf": lambda v, n: f"{_sigmoid(v, n[0], n[1])} * {_sigmoid(v, n[2], n[3])}",
@@ -163,7 +156,7 @@ def _inputs(inputs: Sequence[Variable], matlab: bool) -> Iterator[str]:
     for place, variable in enumerate(inputs):
         value = f"input[{place}]"
         if not matlab:
-            value = f"P_between({value}, {real(variable.low)}, {real(variable.high)})"
+            value = f"P_between({value}, {constant(variable.low)}, {constant(variable.high)})"
         yield f"const P_real in{place} = {value};"
         degrees = ",\n        ".join(degree_of(member, f"in{place}") for member in variable.sets)
         yield f"const P_real is{place}[{len(variable.sets)}] = {{\n        {degrees}}};"
@@ -179,7 +172,7 @@ def _strengths(system: Mamdani | Sugeno) -> Iterator[str]:
         total, *rest = (clause(found) for found in rule.antecedent)
         for each in rest:
             total = combined(norm, total, each)
-        return total if float(rule.weight) == 1.0 else f"{real(rule.weight)} * {total}"
+        return total if float(rule.weight) == 1.0 else f"{constant(rule.weight)} * {total}"
 
     rules = ",\n        ".join(strength(rule) for rule in system.rules)
     yield f"const P_real rule[{len(system.rules)}] = {{\n        {rules}}};"
@@ -190,7 +183,7 @@ def _mamdani(name: str, system: Mamdani) -> tuple[list[str], list[str]]:
     output = system.outputs[0]
     groups = system.conclusions_about(0)
     if not groups:
-        return [], [f"return {real(output.middle)};"]
+        return [], [f"return {constant(output.middle)};"]
     weights = []
     for _, rules in groups:
         total = f"rule[{rules[0]}]"
@@ -205,17 +198,17 @@ def _mamdani(name: str, system: Mamdani) -> tuple[list[str], list[str]]:
     linear = isinstance(system.implication, Product) and isinstance(system.aggregation, Sum)
     if linear and isinstance(defuzzifier, Centroid):
         area, moment = (
-            " + ".join(f"weight[{k}] * {real(np.sum(shape * lever))}" for k, shape in enumerate(shapes))
+            " + ".join(f"weight[{k}] * {constant(np.sum(shape * lever))}" for k, shape in enumerate(shapes))
             for lever in (1.0, grid - middle)
         )
         return [], [
             *body,
             f"const P_real area = {area};",
             f"const P_real moment = {moment};",
-            f"return {real(middle)} + (area > 0 ? moment / area : 0);",
+            f"return {constant(middle)} + (area > 0 ? moment / area : 0);",
         ]
     table = f"P_{name}_shape"
-    rows = ",\n".join("    {" + ", ".join(map(real, shape)) + "}" for shape in shapes)
+    rows = ",\n".join("    {" + ", ".join(map(constant, shape)) + "}" for shape in shapes)
     tables = [
         f"/* Degrees of the conclusions at the points of the output's grid. */\n"
         f"static const P_real {table}[{len(shapes)}][{len(grid)}] = {{\n{rows}}};"
@@ -230,7 +223,7 @@ def _mamdani(name: str, system: Mamdani) -> tuple[list[str], list[str]]:
 def _defuzzified(defuzzifier: AbstractDefuzzifier, grid: NDArray[np.float64], middle: float, degree: str) -> list[str]:
     """Statements that put the conclusions together, `degree` at point `i`, and choose a value."""
     count, span = len(grid), float(grid[-1] - grid[0])
-    point = f"({real(grid[0])} + {real(span)} * ((P_real)i / {count - 1}))"
+    point = f"({constant(grid[0])} + {constant(span)} * ((P_real)i / {count - 1}))"
     every = f"for (i = 0; i < {count}; ++i)"
     if isinstance(defuzzifier, Centroid):
         # Without an array of the degrees: a small machine's stack holds no hundred numbers.
@@ -238,8 +231,8 @@ def _defuzzified(defuzzifier: AbstractDefuzzifier, grid: NDArray[np.float64], mi
             "P_real area = 0, moment = 0;",
             "int i;",
             f"{every} {{\n        const P_real degree = {degree};\n        area += degree;\n"
-            f"        moment += degree * ({point} - {real(middle)});\n    }}",
-            f"return {real(middle)} + (area > 0 ? moment / area : 0);",
+            f"        moment += degree * ({point} - {constant(middle)});\n    }}",
+            f"return {constant(middle)} + (area > 0 ? moment / area : 0);",
         ]
     head = [f"P_real degree[{count}];", "int i;", f"{every} degree[i] = {degree};"]
     return [*head, *_chosen(defuzzifier, grid, middle, point, every)]
@@ -250,20 +243,20 @@ def _chosen(
 ) -> list[str]:
     """Statements that choose a value from the array of the degrees."""
     count, span = len(grid), float(grid[-1] - grid[0])
-    top = [f"{every} top = P_greater(top, degree[i]);", f"if (!(top > 0)) return {real(middle)};"]
+    top = [f"{every} top = P_greater(top, degree[i]);", f"if (!(top > 0)) return {constant(middle)};"]
     if isinstance(defuzzifier, MeanOfMaximum):
         return [
             "P_real top = 0, number = 0, moment = 0;",
             *top,
             f"{every} if (degree[i] >= top - R(1e-12)) {{\n        number += 1;\n"
-            f"        moment += {point} - {real(middle)};\n    }}",
-            f"return {real(middle)} + moment / number;",
+            f"        moment += {point} - {constant(middle)};\n    }}",
+            f"return {constant(middle)} + moment / number;",
         ]
     if isinstance(defuzzifier, BisectorOnGrid):
         return [
             "P_real sum = 0, reached = 0;",
             f"{every} sum += degree[i];",
-            f"if (!(sum > 0)) return {real(middle)};",
+            f"if (!(sum > 0)) return {constant(middle)};",
             f"for (i = 0; i < {count - 1}; ++i) {{\n        reached += degree[i];\n"
             f"        if (reached >= R(0.5) * sum) break;\n    }}",
             f"return {point};",
@@ -289,13 +282,13 @@ def _chosen(
 
 
 def _bisector(count: int, span: float, point: str, middle: float) -> list[str]:
-    step = real(span / (count - 1))
+    step = constant(span / (count - 1))
     return [
         f"const P_real step = {step};",
         "P_real half = 0, area = 0, left, slope, under, below;",
         f"for (i = 0; i < {count - 1}; ++i) half += R(0.5) * (degree[i + 1] + degree[i]) * step;",
         "half = R(0.5) * half;",
-        f"if (!(half > 0)) return {real(middle)};",
+        f"if (!(half > 0)) return {constant(middle)};",
         f"for (i = 0; i < {count - 2}; ++i) {{",
         "    const P_real piece = R(0.5) * (degree[i + 1] + degree[i]) * step;",
         "    if (area + piece > half) break;",
@@ -316,15 +309,17 @@ def _sugeno(system: Sugeno) -> list[str]:
         for clause in rule.consequent:
             if clause.variable == 0:
                 function = output.functions[clause.label]
-                terms = [real(function.offset)]
-                terms += [f"{real(s)} * in{k}" for k, s in enumerate(np.asarray(function.slopes)) if float(s) != 0.0]
+                terms = [constant(function.offset)]
+                terms += [
+                    f"{constant(s)} * in{k}" for k, s in enumerate(np.asarray(function.slopes)) if float(s) != 0.0
+                ]
                 totals.append(f"rule[{number}] * ({' + '.join(terms)})")
                 weights.append(f"rule[{number}]")
     if not totals:
-        return [f"return {real(output.middle)};"]
+        return [f"return {constant(output.middle)};"]
     mean = "total" if system.summed else "total / weight"
     return [
         f"const P_real total = {' + '.join(totals)};",
         f"const P_real weight = {' + '.join(weights)};",
-        f"return weight > 0 ? {mean} : {real(output.middle)};",
+        f"return weight > 0 ? {mean} : {constant(output.middle)};",
     ]

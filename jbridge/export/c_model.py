@@ -5,8 +5,7 @@ all effects of the model. A program defines `NAME_REAL` as `float` before it inc
 precision.
 """
 
-import re
-from dataclasses import dataclass
+import math
 from typing import Any
 
 import jax
@@ -18,9 +17,8 @@ from .._types import Axes
 from ..errors import InputError
 from ..loop import Sampled, SampledPlant, periods_remembered
 from ..model.files import Model, present
-from ..model.plant import Plant
 from ..model.steps import substeps
-from .c import check_name
+from .header import SelfTest, header
 from .translate import Atoms, Translator, literal
 
 SAMPLES = 32
@@ -28,18 +26,6 @@ SAMPLES = 32
 TOLERANCES = {"double": 1e-9, "float": 2e-3}
 """Largest difference of a reading from Python's [m, rad, m]: friction that sticks decides a little earlier or later in
 another arithmetic."""
-
-
-@dataclass(frozen=True)
-class Played:
-    """What the self-test, and others, may compare with."""
-
-    start: NDArray[np.float64]
-    """`x, psi, l` [m, rad, m]; the rates are 0."""
-    inputs: NDArray[np.float64]
-    """`(sample, 2)`, each held for one period, in the input's unit."""
-    readings: NDArray[np.float64]
-    """`(sample, 3)` of the encoders after each period [m, rad, m]."""
 
 
 def model_header(model: Model, name: str, *, period: float, rope: float) -> str:
@@ -54,16 +40,18 @@ def model_header(model: Model, name: str, *, period: float, rope: float) -> str:
     Raises:
         InputError: the name is no identifier of C, or the model does what has no form in C.
     """
-    check_name(name)
     sampled = sampled_plant(model, period)
-    leaves, _ = jax.tree.flatten(jax.eval_shape(sampled.begin, jnp.zeros(_size(model.plant))))
+    leaves, _ = jax.tree.flatten(jax.eval_shape(sampled.begin, jnp.zeros(model.plant.states)))
     shapes = [leaf.shape for leaf in leaves]
-    count = sum(int(np.prod(shape)) for shape in shapes)
-    text = _HEAD + _start(sampled, _size(model.plant)) + _read(sampled, shapes) + _step(sampled, shapes)
-    text += _self_test(played(sampled, model, rope, SAMPLES, seed=0))
-    text = text.replace("COUNT_OF_STATES", str(count)).replace("SECONDS", repr(period))
-    text = text.replace("P_NAME", name.upper())
-    return re.sub(r"\bR\(", f"{name}_C(", re.sub(r"\bP_", f"{name}_", text))
+    count = sum(math.prod(shape) for shape in shapes)
+    return header(
+        name,
+        about=_ABOUT,
+        period=period,
+        members=f"    P_real s[{count}];\n    long samples;",
+        functions=_start(sampled) + _read(sampled, shapes) + _step(sampled, shapes),
+        test=_self_test(sampled, rope),
+    )
 
 
 def sampled_plant(model: Model, period: float) -> SampledPlant:
@@ -73,18 +61,29 @@ def sampled_plant(model: Model, period: float) -> SampledPlant:
     return SampledPlant(model.plant, jnp.asarray(period), steps, memory, moving, looped=True)
 
 
-def played(sampled: SampledPlant, model: Model, rope: float, count: int, seed: int) -> Played:
-    """Random inputs about those that hold the load, strong enough to move cart and winch, and what encoders read."""
+def samples(
+    sampled: SampledPlant, rope: float, count: int, seed: int
+) -> tuple[list[float], NDArray[np.float64], NDArray[np.float64]]:
+    """Random inputs about those that hold the load, strong enough to move cart and winch, and what encoders read.
+
+    Args:
+        sampled: the plant.
+        rope: length of the rope at the start [m].
+        count: of samples.
+        seed: of the inputs.
+
+    Returns:
+        `x, psi, l` [m, rad, m] of the rig at rest, `(sample, 2)` inputs, each held for one period, and `(sample, 3)`
+        readings [m, rad, m] after each.
+    """
     rng = np.random.default_rng(seed)
-    bridge = model.plant.bridge
-    moved = np.array([bridge.cart_mass + bridge.load_mass, bridge.winch_mass + bridge.load_mass], float)
-    gains = np.array([bridge.cart_gain, bridge.hoist_gain], float)
-    active = np.array([sampled.active.x, sampled.active.l])
+    bridge, moving = sampled.plant.bridge, sampled.active
+    masses = np.array([bridge.cart_mass, bridge.winch_mass]) + float(bridge.load_mass)
     weight = np.array([0.0, -float(bridge.load_mass * bridge.gravity)])
-    force = weight + np.array([3.0, 1.5]) * moved * rng.uniform(-1.0, 1.0, (count, 2))
-    inputs = np.divide(force, gains, out=np.zeros_like(force), where=(active > 0) & (gains != 0) & np.isfinite(gains))
-    start = np.array([0.5, 0.1, rope]) * np.array(sampled.active)
-    start[2] = rope
+    force = weight + np.array([3.0, 1.5]) * masses * rng.uniform(-1.0, 1.0, (count, 2))
+    driven = np.array([moving.x, moving.l]) > 0
+    inputs = np.divide(force, [bridge.cart_gain, bridge.hoist_gain], out=np.zeros_like(force), where=driven)
+    begin = [0.5 * float(moving.x), 0.1 * float(moving.psi), rope]
 
     def step(now: Sampled, sample: Any) -> tuple[Sampled, jax.Array]:
         number, command = sample
@@ -96,79 +95,23 @@ def played(sampled: SampledPlant, model: Model, rope: float, count: int, seed: i
     def run(initial: jax.Array, inputs: jax.Array) -> jax.Array:
         return jax.lax.scan(step, sampled.begin(initial), (jnp.arange(count), inputs))[1]
 
-    initial = jnp.zeros(_size(model.plant)).at[:3].set(start)
-    return Played(start, inputs, np.asarray(run(initial, jnp.asarray(inputs))))
+    initial = jnp.zeros(sampled.plant.states).at[:3].set(jnp.asarray(begin))
+    return begin, inputs, np.asarray(run(initial, jnp.asarray(inputs)))
 
 
-_HEAD = """\
-/* A model of a loading bridge, written by jbridge. All numbers are in SI units, angles in rad.
- *
- *     P_state state;
- *     P_start(&state, position);        once: x, psi, l [m, rad, m] of the rig at rest
- *     P_step(&state, input);            every SECONDS s: u_x, u_l, held for that long, in the unit of the recordings
- *     P_read(&state, measured);         at any time: what the encoders read, x, psi, l [m, rad, m]
- *
- * Define P_NAME_REAL as float before this file is included to compute in single precision. P_self_test() returns how
- * many readings differ from those that jbridge computed; with P_NAME_MAIN defined this file is a program that says so.
- */
-#ifndef P_NAME_H
-#define P_NAME_H
-#include <stdlib.h>
-#include <tgmath.h>
+_ABOUT = """\
+A model of a loading bridge, written by jbridge. All numbers are in SI units, angles in rad.
 
-#ifndef P_NAME_REAL
-#define P_NAME_REAL double
-#endif
-typedef P_NAME_REAL P_real;
-#define P_C(value) ((P_real)(value))
-#define P_NAME_PERIOD SECONDS
-
-typedef struct {
-    P_real s[COUNT_OF_STATES];
-    long samples;
-} P_state;
-"""
-_TEST = """
-static inline int P_self_test(void) {
-    /* Of every sample inputs, and readings after it. */
-    static const P_real samples[COUNT][5] = {
-ROWS
-    };
-    static const P_real begin[3] = {START};
-    const P_real tolerance = sizeof(P_real) < sizeof(double) ? FLOAT : DOUBLE;
     P_state state;
-    P_real measured[3];
-    int i, k, failed = 0;
-    P_start(&state, begin);
-    for (i = 0; i < COUNT; ++i) {
-        P_step(&state, samples[i]);
-        P_read(&state, measured);
-        for (k = 0; k < 3; ++k)
-            if (!(fabs(measured[k] - samples[i][2 + k]) <= tolerance)) ++failed;
-    }
-    return failed;
-}
-
-#ifdef P_NAME_MAIN
-#include <stdio.h>
-int main(void) {
-    const int failed = P_self_test();
-    printf("%d of %d readings differ from jbridge's\\n", failed, 3 * COUNT);
-    return failed ? 1 : 0;
-}
-#endif
-#endif
+    P_start(&state, position);        once: x, psi, l [m, rad, m] of the rig at rest
+    P_step(&state, input);            every SECONDS s: u_x, u_l, held for that long, in the unit of the recordings
+    P_read(&state, measured);         at any time: what the encoders read, x, psi, l [m, rad, m]
 """
 
 
-def _size(plant: Plant) -> int:
-    """Length of an initial-state vector; hidden parts begin at rest."""
-    return 6 + 2 * len(plant.mechanisms) + (plant.hysteresis is not None)
-
-
-def _start(sampled: SampledPlant, size: int) -> str:
+def _start(sampled: SampledPlant) -> str:
     translator = Translator()
-    initial = np.zeros(size).astype(object)
+    initial = np.zeros(sampled.plant.states).astype(object)
     initial[:3] = [f"position[{k}]" for k in range(3)]
     state = translator.call(sampled.begin, initial)
     _store(translator, jax.tree.leaves(state))
@@ -201,10 +144,10 @@ _TIME = "((P_real)state->samples * R(SECONDS))"
 
 def _stored(sampled: SampledPlant, shapes: list[tuple[int, ...]]) -> Sampled:
     """The state as a program reads it."""
-    tree = jax.tree.structure(jax.eval_shape(sampled.begin, jnp.zeros(_size(sampled.plant))))
+    tree = jax.tree.structure(jax.eval_shape(sampled.begin, jnp.zeros(sampled.plant.states)))
     leaves, count = [], 0
     for shape in shapes:
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         leaves.append(np.array([f"s[{count + k}]" for k in range(size)], object).reshape(shape))
         count += size
     return jax.tree.unflatten(tree, leaves)
@@ -222,11 +165,15 @@ def _function(head: str, translator: Translator) -> str:
     return "\n".join(["", f"static inline void {head} {{", *translator.lines, "}", ""])
 
 
-def _self_test(run: Played) -> str:
-    rows = np.concatenate([run.inputs, run.readings], axis=1)
-    if not np.all(np.isfinite(rows)):
+def _self_test(sampled: SampledPlant, rope: float) -> SelfTest:
+    begin, inputs, readings = samples(sampled, rope, SAMPLES, seed=0)
+    if not np.all(np.isfinite(readings)):
         raise InputError("the model runs away within the self-test; --period may be too long for it")
-    lines = ",\n".join("        {" + ", ".join(map(literal, row)) + "}" for row in rows)
-    text = _TEST.replace("ROWS", lines).replace("COUNT", str(len(rows)))
-    text = text.replace("START", ", ".join(map(literal, run.start)))
-    return text.replace("FLOAT", literal(TOLERANCES["float"])).replace("DOUBLE", literal(TOLERANCES["double"]))
+    return SelfTest(
+        what="readings",
+        begin=f"static const P_real begin[3] = {{{', '.join(map(literal, begin))}}};\n    P_start(&state, begin);",
+        each="P_step(&state, samples[i]);\nP_read(&state, found);",
+        given=inputs,
+        wanted=readings,
+        tolerances=TOLERANCES,
+    )

@@ -17,6 +17,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .header import constant
 
 Atoms = NDArray[Any]
 """An array whose elements are numbers or expressions of C (`str`)."""
@@ -35,7 +36,7 @@ _OPERATIONS = {
     "clamp": "{1} < {0} ? {0} : ({1} > {2} ? {2} : {1})", "copy": "{}", "stop_gradient": "{}",
 }  # fmt: skip
 """Of primitives that work element by element."""
-_WHOLE = {"rem": "{} % {}", "div": "{} / {}", "abs": "abs({})"}
+_WHOLE = {"rem": "{} % {}", "div": "{} / {}", "abs": "{0} < 0 ? -{0} : {0}"}
 """The same where they are another operation for whole numbers."""
 _MOVES = {
     "broadcast_in_dim", "reshape", "squeeze", "expand_dims", "slice", "concatenate", "stack", "transpose", "rev",
@@ -53,9 +54,9 @@ _INSIDE = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "
 class Translator:
     """Writes the statements of traced functions into `lines`, in an order in which a program may run them."""
 
-    def __init__(self, margin: int = 1):
+    def __init__(self) -> None:
         self._written: list[tuple[str, str | None]] = []
-        self._margin = margin
+        self._margin = 1
         self._names = 0
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -354,15 +355,7 @@ class Translator:
 
 def literal(atom: Any) -> str:
     """A number or an expression, as C writes it."""
-    if isinstance(atom, str):
-        return atom
-    if isinstance(atom, bool | np.bool_ | int | np.integer):
-        return str(int(atom))
-    value = float(atom)
-    if math.isfinite(value):
-        text = f"R({value!r})"
-        return f"({text})" if value < 0 else text
-    return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
+    return atom if isinstance(atom, str) else constant(atom)
 
 
 def _bound(equation: JaxprEqn, *values: Any) -> list[Any]:

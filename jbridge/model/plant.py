@@ -149,6 +149,11 @@ class Plant(eqx.Module):
         return tuple(self.all(AbstractMechanism))
 
     @property
+    def states(self) -> int:
+        """Length of an initial-state vector, in which a hysteresis' deflection may follow."""
+        return 6 + 2 * len(self.mechanisms)
+
+    @property
     def hidden(self) -> tuple[str, ...]:
         """Hidden states that follow those of the axes in an initial-state vector, by name and in order."""
         found = {

@@ -109,7 +109,7 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
         end = times[-1]
         late, limits = arrival + _LATE * (end - arrival), limits_of(law).astype(dtype)
         summary = MoveSummary(goal, goal - start, late, jnp.asarray(period, dtype), limits)
-        initial = jnp.zeros(6 + 2 * len(plant.mechanisms), dtype).at[0].set(start[0]).at[2].set(start[1])
+        initial = jnp.zeros(plant.states, dtype).at[0].set(start[0]).at[2].set(start[1])
         found = closed_loop(
             table.unravel(vector),
             _with_controller(law, chosen, at),

@@ -243,7 +243,7 @@ class Course:
         self.legs = legs
         self.period = period
         self.count = math.ceil(legs.seconds / period) + 1
-        self._states = 6 + 2 * len(plant.mechanisms)
+        self._states = plant.states
         self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period)
         self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)
         self.moves = self._moves()

@@ -23,6 +23,7 @@ from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Rule, Variable, as_number
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
+from tests.export.c_compiler import compiled
 from tests.fuzzy.systems import random_set
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
@@ -53,13 +54,6 @@ int main(void) {
     return 0;
 }
 """
-
-
-def compiled(folder, source, *options):
-    (folder / "source.c").write_text(source)
-    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2"]
-    subprocess.run(["gcc", *strict, *options, "source.c", "-o", "program", "-lm"], cwd=folder, check=True)
-    return folder / "program"
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -7,11 +7,12 @@ import subprocess
 import numpy as np
 import pytest
 
-from jbridge.export.c_model import model_header, played, sampled_plant
+from jbridge.export.c_model import model_header, sampled_plant, samples
 from jbridge.export.translate import Translator
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.model.files import Model
-from tests.problems import NUMBERS, PLACES, make_plant, null_effect
+from tests.export.c_compiler import compiled
+from tests.problems import MECHANISMS, NUMBERS, PLACES, example, make_plant
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 
@@ -22,12 +23,6 @@ RIG = [
     ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
     ("sensor_delay", "psi_sensor", {"delay": 0.017}),
 ]
-MECHANISMS = [
-    ("backlash", "cart", {}),
-    ("rope_elasticity", "hoist", {}),
-    ("double_pendulum", "swing", {}),
-    ("speed_drive", "cart_drive", {}),
-]
 
 
 def model_of(*effects, given=frozenset(NUMBERS)):
@@ -35,10 +30,8 @@ def model_of(*effects, given=frozenset(NUMBERS)):
 
 
 def run(folder, header, *options):
-    (folder / "rig.c").write_text(header)
-    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-DRIG_MAIN"]
-    subprocess.run(["gcc", *strict, *options, "rig.c", "-o", "rig", "-lm"], cwd=folder, check=True)
-    return subprocess.run([folder / "rig"], capture_output=True, text=True, check=False)
+    program = compiled(folder, header, "-DRIG_MAIN", *options)
+    return subprocess.run([program], capture_output=True, text=True, check=False)
 
 
 def agrees(folder, model, **options):
@@ -60,19 +53,22 @@ def test_parts_that_a_rig_lacks_stay(tmp_path):
     """A cart alone: nothing swings, and the rope keeps its length."""
     cart = model_of(given=frozenset({"cart_mass", "cart_gain"}))
     agrees(tmp_path, cart)
-    readings = played(sampled_plant(cart, 0.01), cart, 0.5, 32, seed=0).readings
+    _, _, readings = samples(sampled_plant(cart, 0.01), 0.5, 32, seed=0)
     assert np.ptp(readings[:, 0]) > 1e-3 and np.ptp(readings[:, 1]) == 0 and np.ptp(readings[:, 2]) == 0
 
 
 @pytest.mark.slow
 def test_the_whole_catalogue_in_c(tmp_path):
-    agrees(tmp_path, model_of(*(null_effect(kind, site) for kind, site in PLACES)))
+    """All effects at once, at values at which they show."""
+    agrees(tmp_path, model_of(*(make_effect(kind, site, example(kind, site)) for kind, site in PLACES)))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "site", "values"), MECHANISMS, ids=[kind for kind, _, _ in MECHANISMS])
-def test_mechanisms_in_c(tmp_path, kind, site, values):
-    agrees(tmp_path, model_of(make_effect(kind, site, values)), period=0.005)
+@pytest.mark.parametrize("name", [*MECHANISMS, "speed loop"])
+def test_mechanisms_in_c(tmp_path, name):
+    loop = [("speed_drive", "cart_drive", {"time_constant": 0.03, "limit": 20.0})]
+    effects = [make_effect(*each) for each in MECHANISMS.get(name, loop)]
+    agrees(tmp_path, model_of(*effects), period=0.005)
 
 
 def test_what_nothing_uses_is_left_out():

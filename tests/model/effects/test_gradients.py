@@ -13,10 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.parameters import ParameterTable, bridge_keys
 from jbridge.rollout import MIDPOINT, readings, rollout
-from tests.problems import PLACES, Everything, lively_inputs, make_lane, make_plant, make_state
+from tests.problems import MECHANISMS, PLACES, Everything, example, lively_inputs, make_lane, make_plant, make_state
 
 COUNT = 60
 LANE = make_lane(
@@ -24,64 +23,6 @@ LANE = make_lane(
 )
 WEIGHTS = np.random.default_rng(0).normal(size=(COUNT + 1, 3))
 START = (0.3, -0.1, 0.7, 0.35, 1.2, 0.1)
-
-FORCE = {"x": 1.0, "psi": 1e-3, "l": 1.0}
-"""Size of friction that slows each axis without stopping it [N, N m, N]."""
-KNOTS = {"x": [0.25, 0.36, 0.47], "psi": [-0.2, 0.03, 0.2], "l": [0.6, 0.713, 0.9]}
-SPEED = {"x": 0.3, "psi": 1.0, "l": 0.1}
-
-
-def example(kind: str, site: str) -> dict:
-    """Parameters at which an effect shows, of the size that its site asks for."""
-    axis = AXIS_OF_SITE[site]
-    f, v = FORCE[axis], SPEED[axis]
-    return {
-        "coulomb_friction": {"level": f},
-        "stribeck_friction": {"level": 0.5 * f, "breakaway": f, "velocity": v},
-        "direction_dependent_friction": {"positive": f, "negative": 0.7 * f},
-        "position_dependent_friction": {"knots": KNOTS[axis], "levels": [0.5 * f, f, 0.3 * f]},
-        "position_direction_friction": {
-            "knots": KNOTS[axis],
-            "positive": [0.5 * f, f, 0.3 * f],
-            "negative": [0.2 * f, 0.4 * f, f],
-        },
-        "load_dependent_friction": {"level": 0.4 * f, "share": 0.05 * f},
-        "presliding_friction": {"level": 2.0, "stiffness": 300.0},
-        "quadratic_drag": {"coefficient": 4.0},
-        "friction_drift": {"level": 0.5, "rate": 0.8},
-        "constant_force": {"level": f},
-        "rail_inclination": {"knots": KNOTS[axis], "forces": [0.5, -0.6, 0.3]},
-        "spring_force": {"stiffness": 9.0, "rest": 0.1},
-        "periodic_force": {"amplitude": 0.8, "period": 0.07, "phase": 0.5},
-        "end_stop": {"position": 0.36, "stiffness": 600.0, "damping": 8.0},
-        "load_drag": {"coefficient": 0.05},
-        "wind": {"force": 0.2, "start": 0.2713, "stop": 0.4127},
-        "length_dependent_damping": {"slope": 0.01, "length": 0.5},
-        "power_law_damping": {"coefficient": 0.004, "exponent": 1.4},
-        "rod_inertia": {"mass": 0.05, "centre": 0.3, "inertia": 0.004},
-        "residual_force": {
-            "places": KNOTS[axis],
-            "by_place": [0.5 * f, -f, 0.3 * f],
-            "speeds": [-v, 0.5 * v, 2.0 * v],
-            "by_speed": [0.2 * f, -0.3 * f, 0.6 * f],
-        },
-        "dead_zone": {"positive": 0.3, "negative": 0.2},
-        "saturation": {"limit": 2.0},
-        "input_delay": {"delay": 0.0123},
-        "actuator_lag": {"time_constant": 0.04},
-        "force_limit": {"limit": {"x": 20.0, "psi": 0.0, "l": 2.0}[axis]},
-        "back_emf": {"constant": 0.7},
-        "gain_asymmetry": {"ratio": 0.1},
-        "gain_drift": {"rate": -0.05},
-        "drum_radius_change": {"slope": 0.2, "length": 0.65},
-        "torque_ripple": {"amplitude": 0.1, "period": 0.06, "phase": 0.4},
-        "sensor_offset": {"offset": 0.01},
-        "sensor_scale": {"scale": 1.02},
-        "sensor_delay": {"delay": 0.0117},
-        "missed_counts": {"jump": 0.02, "time": 0.3513},
-        "sensor_eccentricity": {"amplitude": 0.004, "period": 0.15, "phase": 0.4},
-        "clock_scale": {"scale": 1.02},
-    }[kind]
 
 
 class Programs(NamedTuple):
@@ -158,18 +99,6 @@ def test_every_gradient_is_finite_at_rest():
     assert all(np.all(np.isfinite(gradient)) for gradient in gradients)
 
 
-MECHANISMS = {
-    "compliances": [
-        ("belt_compliance", "cart", {"stiffness": 3000.0, "damping": 12.0, "motor_mass": 1.1, "encoder": "motor"}),
-        ("rope_elasticity", "hoist", {"stiffness": 200.0, "damping": 0.5}),
-        ("double_pendulum", "swing", {"hook_mass": 0.05, "link": 0.12, "damping": 1e-3}),
-    ],
-    "play": [
-        ("backlash", "cart", {"gap": 2e-3, "motor_mass": 1.1}),
-        ("cable_drag", "cart", {"stiffness": 5.0, "rest": 0.2, "level": 2.0, "travel": 0.01}),
-    ],
-    "play at the winch": [("hoist_backlash", "hoist", {"gap": 4e-3, "motor_mass": 0.06})],
-}
 HIDDEN = {
     "compliances": [1e-3, 0.02, -2e-3, 0.05, 0.1, -0.5],
     "play": [-5e-4, 0.05, 0.3],
