@@ -62,7 +62,7 @@ def header(name: str, *, about: str, period: float, members: str, functions: str
         "WHAT": test.what,
         "DOUBLE": constant(test.tolerances["double"]),
         "FLOAT": constant(test.tolerances["float"]),
-        "FUNCTIONS": functions,
+        "FUNCTIONS": functions.strip("\n") + "\n",
         "SECONDS": repr(period),
         "P_NAME": name.upper(),
     }
