@@ -11,10 +11,12 @@ Writes a controller or a model in the language of another program.
 
 A controller or a model becomes one header in C99 (--to c): no allocation,
 double or float, and a self-test; a model with all its effects moves on by
---period seconds at each call. A model also becomes MuJoCo's XML (--to mujoco),
-a linear system about the load hanging still on --rope metres for Python
-(--to statespace), or a MATLAB function with its numbers (--to matlab); what the
-language cannot say of a model's effects is named in the file.
+--period seconds at each call. The same becomes a functional mock-up unit
+(--to fmu, FMI 3.0 co-simulation), with a library where a C compiler is found.
+A model also becomes MuJoCo's XML (--to mujoco), a linear system about the load
+hanging still on --rope metres for Python (--to statespace), or a MATLAB
+function with its numbers (--to matlab); what these cannot say of a model's
+effects is named in the file.
 """
 
 
@@ -26,9 +28,10 @@ def add(commands: Commands) -> None:
         "  jbridge export fitted/model.toml --to mujoco --out scene"
     )
     export.add_argument("source", metavar="MODEL.toml|CONTROLLER.toml", help="what is exported")
-    export.add_argument("--to", choices=("c", "mujoco", "statespace", "matlab"), required=True, help="the language")
+    targets = ("c", "fmu", "mujoco", "statespace", "matlab")
+    export.add_argument("--to", choices=targets, required=True, help="the language")
     export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
-    export.add_argument("--period", type=float, default=0.01, metavar="SECONDS", help="of a model in C (0.01)")
+    export.add_argument("--period", type=float, default=0.01, metavar="SECONDS", help="of a model in C, FMU (0.01)")
     export.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._types import Axes
 from ..errors import InputError
@@ -79,10 +79,7 @@ def samples(
     rng = np.random.default_rng(seed)
     bridge, moving = sampled.plant.bridge, sampled.active
     masses = np.array([bridge.cart_mass, bridge.winch_mass]) + float(bridge.load_mass)
-    weight = np.array([0.0, -float(bridge.load_mass * bridge.gravity)])
-    force = weight + np.array([3.0, 1.5]) * masses * rng.uniform(-1.0, 1.0, (count, 2))
-    driven = np.array([moving.x, moving.l]) > 0
-    inputs = np.divide(force, [bridge.cart_gain, bridge.hoist_gain], out=np.zeros_like(force), where=driven)
+    inputs = inputs_that_hold(sampled, np.array([3.0, 1.5]) * masses * rng.uniform(-1.0, 1.0, (count, 2)))
     begin = [0.5 * float(moving.x), 0.1 * float(moving.psi), rope]
 
     def step(now: Sampled, sample: Any) -> tuple[Sampled, jax.Array]:
@@ -97,6 +94,14 @@ def samples(
 
     initial = jnp.zeros(sampled.plant.states).at[:3].set(jnp.asarray(begin))
     return begin, inputs, np.asarray(run(initial, jnp.asarray(inputs)))
+
+
+def inputs_that_hold(sampled: SampledPlant, force: ArrayLike = 0.0) -> NDArray[np.float64]:
+    """Inputs `(..., 2)` that hold the load and leave a force `(..., 2)` [N] over; 0 where there is no drive."""
+    bridge, moving = sampled.plant.bridge, sampled.active
+    total = np.array([0.0, -float(bridge.load_mass * bridge.gravity)]) + np.asarray(force)
+    driven = np.array([moving.x, moving.l]) > 0
+    return np.divide(total, [bridge.cart_gain, bridge.hoist_gain], out=np.zeros_like(total), where=driven)
 
 
 _ABOUT = """\

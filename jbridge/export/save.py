@@ -4,19 +4,20 @@ import os
 import re
 from pathlib import Path
 
-from .._files import replace_text
+from .._files import replacing
 from .._toml import Where, read_toml
 from ..control.files import load_controller
 from ..errors import InputError
 from ..model.files import load_model, requires
 from .c import controller_header
 from .c_model import model_header
+from .fmu import model_unit
 from .models import matlab_function, mujoco_xml, state_space_module
 
-TARGETS = ("c", "mujoco", "statespace", "matlab")
-"""Languages: C99 for controllers and models, the rest for models."""
+TARGETS = ("c", "fmu", "mujoco", "statespace", "matlab")
+"""Languages: C99 for controllers and models, the others for models."""
 PERIOD = 0.01
-"""Time between samples of a model in C where nothing else is said [s]."""
+"""Time between samples of a model in C or in a unit where nothing else is said [s]."""
 ROPE = 0.5
 """Length of the rope at a model's working point where nothing else is said [m]."""
 
@@ -36,10 +37,10 @@ def save_export(
         source: a model's TOML, or a controller's for `c`.
         target: one of `TARGETS`.
         rope: length of the rope at the working point of a model [m].
-        period: time between samples of a model in C [s]; a controller has its own.
+        period: time between samples of a model in C or in a unit [s]; a controller has its own.
 
     Returns:
-        The file: `NAME.h`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
+        The file: `NAME.h`, `NAME.fmu`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
 
     Raises:
         InputError: the source cannot be read, is of the other kind, or has what the language cannot say.
@@ -49,9 +50,9 @@ def save_export(
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
     document = read_toml(path, "model or controller", "a [bridge] table, or the kind of a controller")
     if "bridge" in document or ("kind" not in document and target != "c"):
-        text, end = _model(path, name, target, rope, period)
+        content, end = _model(path, name, target, rope, period)
     elif target == "c":
-        text, end = controller_header(load_controller(path), name), ".h"
+        content, end = controller_header(load_controller(path), name), ".h"
     else:
         Where(str(path)).refuse(f"a controller, but only models are exported to {target}; choose --to c")
     file = Path(folder) / f"{name}{end}"
@@ -59,12 +60,13 @@ def save_export(
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
-    replace_text(file, text)
+    with replacing(file) as part:
+        part.write_bytes(content if isinstance(content, bytes) else content.encode(errors="replace"))
     return file
 
 
-def _model(path: Path, name: str, target: str, rope: float, period: float) -> tuple[str, str]:
-    """A model's text, and how its file ends."""
+def _model(path: Path, name: str, target: str, rope: float, period: float) -> tuple[str | bytes, str]:
+    """A model in the language, and how its file ends."""
     if not 0.0 < rope < 1e3:
         raise InputError(f"--rope {rope:g}: give the length of the rope at the working point in metres, above 0")
     if not 1e-5 <= period <= 1.0:
@@ -72,6 +74,8 @@ def _model(path: Path, name: str, target: str, rope: float, period: float) -> tu
     model = load_model(path)
     if target == "c":
         return model_header(model, name, period=period, rope=rope), ".h"
+    if target == "fmu":
+        return model_unit(model, name, period=period, rope=rope), ".fmu"
     requires(model, ("x", "psi", "l"))
     if target == "mujoco":
         return mujoco_xml(model, rope), ".xml"

@@ -136,7 +136,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
         (["model.toml", "--to", "c", "--period", "0"], "--period 0: give the time between samples"),
         (["fuzzy.toml", "--to", "matlab"], "a controller, but only models are exported to matlab; choose --to c"),
         (["model.toml", "--to", "mujoco", "--rope", "0"], "--rope 0: give the length of the rope"),
-        (["model.toml", "--to", "fmu"], "invalid choice"),
+        (["model.toml", "--to", "simulink"], "invalid choice"),
         (["cart.toml", "--to", "mujoco"], "no load_mass"),
     ],
 )
