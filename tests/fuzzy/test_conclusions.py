@@ -1,5 +1,7 @@
 """Sets put together point after point against the plain grid, with autodiff from the sets' degrees on."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,19 +55,20 @@ def swept(row, weights, norms, softness):
 def test_point_after_point_the_same_value_and_gradients_come_out(norms, softness):
     """By strengths, by every number of every set and by both ends of the universe; in both modes of autodiff."""
 
-    def both(function):
-        run = jax.jit(lambda row, weights: function(row, weights, norms, softness))
-        slopes = jax.grad(run, argnums=(0, 1))(ROW, WEIGHTS)
-        return run(ROW, WEIGHTS), *slopes, *jax.jacfwd(run, argnums=(0, 1))(ROW, WEIGHTS)
+    @functools.partial(jax.jit, static_argnums=0)
+    def both(function, row, weights):
+        run = functools.partial(function, norms=norms, softness=softness)
+        value, slopes = jax.value_and_grad(run, argnums=(0, 1))(row, weights)
+        return value, *slopes, *jax.jacfwd(run, argnums=(0, 1))(row, weights)
 
-    wanted, found = both(gridded), both(swept)
+    wanted, found = both(gridded, ROW, WEIGHTS), both(swept, ROW, WEIGHTS)
     # Most numbers matter here, so that it is not nothing that is compared with nothing.
     assert (np.abs(wanted[1]) > 1e-6).sum() >= 11 and (np.abs(wanted[2]) > 1e-3).sum() >= 3
     for a, b in zip(wanted, found, strict=True):
         np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("softness", [None, 0.1])
+@pytest.mark.parametrize("softness", [0.1, pytest.param(None, marks=pytest.mark.slow)])
 def test_second_derivatives_come_out_too(softness):
     """Products, since where sets are clipped only the balance of areas bends."""
     norms = (Product(), ProbabilisticSum())

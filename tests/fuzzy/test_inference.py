@@ -156,7 +156,7 @@ def test_smooth_inference_tends_to_the_hard_one():
 def test_every_gradient_is_finite(softness):
     """Also on corners, at ties, for flanks of no width and where no rule fires."""
     grads = jax.jit(jax.grad(lambda s, v: s.infer(v, softness=softness).output[0], argnums=(0, 1), allow_int=True))
-    for seed in range(8):
+    for seed in range(4):
         system, values = random_system(seed, points=101)
         flat = system.inputs[0]
         corner = getattr(flat.sets[0], "left", flat.middle)

@@ -1,7 +1,8 @@
 """Derivatives of readings: forward and reverse mode against central differences, for every parameter there is.
 
 The run is short, smooth at its samples, and moves every axis; no axis stops, and no knot is met to within the
-differences' width. Three programs serve all effects but the mechanisms, which share three plants.
+differences' width. Two programs serve all effects but the mechanisms, which share three plants; that in reverse mode
+takes half a minute to compile.
 """
 
 import functools
@@ -40,10 +41,17 @@ def programs(table: ParameterTable) -> Programs:
         motions = rollout(plant, start, LANE, substeps=1, method=MIDPOINT)
         return jnp.sum(jnp.asarray(WEIGHTS) * readings(plant, LANE, motions))
 
-    def forward(vector, start, along):
-        return jax.jvp(lambda v: value(v, start), (vector,), (along,))[1]
+    @jax.jit
+    def both(vector, start, along):
+        return jax.jvp(lambda v: value(v, start), (vector,), (along,))
 
-    return Programs(table, jax.jit(value), jax.jit(forward), jax.jit(jax.grad(value, argnums=(0, 1))))
+    def value_alone(vector, start):
+        return both(vector, start, jnp.zeros_like(vector))[0]
+
+    def forward(vector, start, along):
+        return both(vector, start, along)[1]
+
+    return Programs(table, value_alone, forward, jax.jit(jax.grad(value, argnums=(0, 1))))
 
 
 @functools.cache
@@ -52,46 +60,82 @@ def everything() -> tuple[Everything, Programs]:
     return all_of, programs(all_of.table)
 
 
-def check(of: Programs, vector: np.ndarray, start, places: list[int]) -> None:
-    """Compares the three derivatives with respect to the numbers at these places."""
-    vector, by_reverse = jnp.asarray(vector), np.array(of.reverse(jnp.asarray(vector), start)[0])
-    assert np.all(np.isfinite(by_reverse))
+def check_forward(of: Programs, vector: np.ndarray, start, places: list[int]) -> dict[int, float]:
+    """Compares forward mode with central differences for the numbers at these places, and returns its derivatives."""
+    found = {}
     for place in places:
-        name = of.table.entry(place).name
         along = jnp.zeros(of.table.size).at[place].set(1.0)
         step = 1e-5 * max(abs(float(vector[place])), 1e-2)
-        differences = float(of.value(vector + step * along, start) - of.value(vector - step * along, start)) / (
-            2 * step
-        )
-        by_forward = float(of.forward(vector, start, along))
-        # Two modes of one program differ by rounding; a difference of values near 10 has 1e-15/step of it.
-        assert by_forward == pytest.approx(by_reverse[place], rel=1e-9, abs=1e-12), name
-        assert by_forward == pytest.approx(differences, rel=1e-5, abs=2e-14 / step), name
+        ahead, behind = (float(of.value(vector + sign * step * along, start)) for sign in (1.0, -1.0))
+        found[place] = float(of.forward(vector, start, along))
+        # A difference of values near 10 has 1e-15/step of rounding.
+        differences = pytest.approx((ahead - behind) / (2 * step), rel=1e-5, abs=2e-14 / step)
+        assert found[place] == differences, of.table.entry(place).name
+    return found
 
 
-@pytest.mark.parametrize("kind, site", [pytest.param(*place, id="@".join(place)) for place in PLACES])
+def check_reverse(of: Programs, vector: np.ndarray, start, by_forward: dict[int, float]) -> None:
+    """Compares reverse mode with forward mode: two modes of one program differ by rounding."""
+    by_reverse = np.array(of.reverse(jnp.asarray(vector), start)[0])
+    assert np.all(np.isfinite(by_reverse))
+    for place, derivative in by_forward.items():
+        assert by_reverse[place] == pytest.approx(derivative, rel=1e-9, abs=1e-12), of.table.entry(place).name
+
+
+def places_of(all_of: Everything, kind: str, site: str) -> list[int]:
+    return [place for key in example(kind, site) for place in all_of.table.positions(f"{kind}@{site}.{key}")]
+
+
+EFFECTS = pytest.mark.parametrize("kind, site", [pytest.param(*place, id="@".join(place)) for place in PLACES])
+
+
+@EFFECTS
 def test_effects(kind, site):
     all_of, of = everything()
-    values = example(kind, site)
-    places = [place for key in values for place in all_of.table.positions(f"{kind}@{site}.{key}")]
-    vector = all_of.having(kind, site, values)
-    check(of, vector, make_state(*START[:3], rates=START[3:]), places)
+    vector = jnp.asarray(all_of.having(kind, site, example(kind, site)))
+    start = make_state(*START[:3], rates=START[3:])
+    check_forward(of, vector, start, places_of(all_of, kind, site))
     # The effect is felt at all: else every derivative would be right.
-    start = make_state(*START[:3], rates=START[3:])
-    assert abs(of.value(jnp.asarray(vector), start) - of.value(jnp.asarray(all_of.null), start)) > 1e-6
+    assert abs(of.value(vector, start) - of.value(jnp.asarray(all_of.null), start)) > 1e-6
 
 
-def test_bridge_and_initial_state():
+@pytest.mark.slow
+@EFFECTS
+def test_effects_in_reverse(kind, site):
     all_of, of = everything()
+    vector = jnp.asarray(all_of.having(kind, site, example(kind, site)))
     start = make_state(*START[:3], rates=START[3:])
-    check(of, all_of.null, start, [all_of.table.positions(key)[0] for key in bridge_keys()])
-    vector = jnp.asarray(all_of.null)
+    places = places_of(all_of, kind, site)
+    by_forward = {
+        place: float(of.forward(vector, start, jnp.zeros(of.table.size).at[place].set(1.0))) for place in places
+    }
+    check_reverse(of, vector, start, by_forward)
+
+
+def check_bridge_and_initial_state(of: Programs, vector: jax.Array) -> None:
+    start = make_state(*START[:3], rates=START[3:])
+    check_reverse(
+        of, vector, start, check_forward(of, vector, start, [of.table.positions(k)[0] for k in bridge_keys()])
+    )
     by_reverse = of.reverse(vector, start)[1]
     for i, step in enumerate(1e-6 * np.eye(6)):
         differences = (of.value(vector, start + step) - of.value(vector, start - step)) / 2e-6
         assert float(by_reverse[i]) == pytest.approx(float(differences), rel=1e-5, abs=1e-7)
 
 
+def test_bridge_and_initial_state():
+    plant = make_plant()
+    table = ParameterTable(plant)
+    check_bridge_and_initial_state(programs(table), table.ravel(plant))
+
+
+@pytest.mark.slow
+def test_bridge_and_initial_state_beside_all_effects():
+    all_of, of = everything()
+    check_bridge_and_initial_state(of, jnp.asarray(all_of.null))
+
+
+@pytest.mark.slow
 def test_every_gradient_is_finite_at_rest():
     """At rest, at null, with no input: where roots, divisions and comparisons have their edges."""
     all_of, of = everything()
@@ -113,4 +157,5 @@ def test_mechanisms(name):
     table = ParameterTable(plant)
     start = make_state(*START[:3], rates=START[3:], hidden=HIDDEN[name])
     places = [place for entry in table.entries for place in table.positions(entry.name)]
-    check(programs(table), np.array(table.ravel(plant)), start, places)
+    of, vector = programs(table), jnp.asarray(table.ravel(plant))
+    check_reverse(of, vector, start, check_forward(of, vector, start, places))
