@@ -22,7 +22,8 @@ from .model.effects.base import AXIS_OF_SITE, L_SENSOR, AbstractSensor
 from .model.effects.drives import LAGS, SpeedDrive
 from .model.effects.flexible import Backlash, DoublePendulum, HoistBacklash
 from .model.effects.sensors import SensorDelay, SensorOffset, SensorScale
-from .model.plant import Motion, Plant, Push
+from .model.equations import Push, Stage, Step, accelerations
+from .model.plant import Motion, Plant
 
 
 @returned
@@ -320,13 +321,11 @@ def advance(
 
         # Inputs that change evenly and have these means.
         ends = (volts_at(3.0), volts_at(-3.0)) if loops else None
+        whole = Step(carry.q, carry.v, h, active, go, push, ends)
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
-            begun = (carry.q, carry.v)
-            a = _acceleration(
-                plant, t + part.node * h, at.q, at.v, part.volts, at.z, active, begun, h, go, push, part.lead, ends
-            )
-            a = materialise(a, go)
+            here = Stage(t + part.node * h, at.q, at.v, part.volts, at.z, part.lead)
+            a = materialise(_accelerations(plant, here, whole), go)
             z = at.z
             if spring is not None and carry.z is not None:
                 z = spring.deflection(carry.z, part.reach * h * at.v.at_drives().x)
@@ -458,7 +457,7 @@ def _late(
     return smooth + jnp.where(s < 0, s * span * rate[k], 0.0)
 
 
-_acceleration = jax.jit(Plant.acceleration)
+_accelerations = jax.jit(accelerations)
 """Jitted on its own, so that the stages of a step share one trace: half the time before the compiler starts."""
 
 

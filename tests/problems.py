@@ -14,6 +14,7 @@ from jbridge.model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractMec
 from jbridge.model.effects.cable import CableDrag
 from jbridge.model.effects.catalogue import KINDS, make_effect
 from jbridge.model.effects.drives import SpeedDrive
+from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
 from jbridge.rollout import readings, rollout
@@ -112,7 +113,7 @@ def measure(plant: Plant, lane: Lane, motions):
 def accelerate(plant: Plant, q: Motion, v: Motion, volts: Axes, active: Axes, t=0.0, z=None, h=1e-9) -> Motion:
     """The plant's accelerations at one instant, friction judged from the velocities there."""
     time, step = jnp.asarray(t, dtype=float), jnp.asarray(h, dtype=float)
-    return plant.acceleration(time, q, v, volts, z, active, (q, v), step, jnp.asarray(True))
+    return accelerations(plant, Stage(time, q, v, volts, z), Step(q, v, step, active, jnp.asarray(True)))
 
 
 def motion(*values: float) -> Motion:

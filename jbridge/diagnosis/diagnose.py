@@ -130,7 +130,7 @@ def _told(
     statement = verdict_sentence(
         verdict,
         effects,
-        checked.share,
+        checked.explained,
         worst,
         amount(max(sizes), unit),
         complete=complete,

@@ -23,8 +23,9 @@ from scipy.special import log_ndtr, logsumexp
 from ..identification.data.windows import WHOLE, Data, make_data
 from ..identification.estimation import Problem, engine_for
 from ..identification.problem import Setting
-from ..identification.sensitivity import STATES, Job, Sensitivity
+from ..identification.sensitivity import Job, Sensitivity
 from ..identification.uncertainty import inverse_normal
+from ..identification.windowed_rollout import STATES
 from ..model.effects.base import AXIS_OF_SITE
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant

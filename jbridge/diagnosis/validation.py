@@ -1,9 +1,10 @@
 """What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
-the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if it
-explains more than what is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most
-like it imitates a part of it.
+the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
+some channel, it explains more than what is left without a name: that, too, is a force that hold-outs repeat, and
+whatever effect is most like it imitates a part of it. Channels are not added up: what one of them cannot explain says
+nothing of another, and their noise, which a fine encoder makes as small as one likes, is no common unit.
 """
 
 import dataclasses
@@ -44,7 +45,8 @@ class Checked:
     status: str
     """`confirmed`, `suggested`, or `event` for what happened once, in the recordings alone."""
     explained: float | None
-    """Share of the hold-out's excess squared error that comes back without it; None where none exceeds the noise."""
+    """Share of the hold-out's excess squared error that comes back without it, as a mean over the channels in which
+    any exceeds the noise; None where there is none."""
     loss: float
     """Of the criterion on the hold-out without it [nat],"""
     steady: float
@@ -82,9 +84,7 @@ class Validation:
     train_after: Evaluation
     explained: dict[str, float]
     """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel in which
-    it is larger than the noise,"""
-    share: float | None
-    """and of all channels' together, each in units of its noise."""
+    it is larger than the noise."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
 
@@ -111,7 +111,7 @@ class Validation:
         """The verdict, and whether what remains is noise or measured scatter."""
         worst, _, _ = self.worst((self.after, self.train_after))
         met = worst <= CRITERIA.met
-        if self.confirmed and self.share is not None and self.share > CRITERIA.named:
+        if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
             return "missing_physics", met
         if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
@@ -145,7 +145,7 @@ def validate(
     train_before = own.evaluate(given.plant, given.engine)
     if not found.names:
         scatters = _scatters(problem, holdout, before)
-        return Validation((), given, given, before, before, train_before, train_before, {}, None, scatters)
+        return Validation((), given, given, before, before, train_before, train_before, {}, scatters)
     complete = judge.evaluate(final.plant, final.engine)
     criterion = likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
@@ -174,7 +174,6 @@ def validate(
         train_before,
         own.evaluate(final.plant, final.engine),
         _explained(before, sure),
-        _share(before, sure),
         _scatters(problem, holdout, before),
     )
 
@@ -200,18 +199,11 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
-    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, None, {})
+    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
 
 
-def _explained(before: Evaluation, after: Evaluation) -> dict[str, float]:
-    """Share of the excess squared error that a model closes, by channel in which it is larger than the noise."""
-    horizon, axes = _shown(before)
-    first, last = before.excess(horizon), after.excess(horizon)
-    return {axis: 1.0 - last[axis] / first[axis] for axis in axes}
-
-
-def _share(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> float | None:
-    """Share of the excess squared error of all channels that a model closes, each channel in units of its noise.
+def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:
+    """Share of the excess squared error that a model closes, by channel in which it is larger than the noise.
 
     Args:
         before: the model as given.
@@ -219,16 +211,8 @@ def _share(before: Evaluation, after: Evaluation, beside: Evaluation | None = No
         beside: one that is compared with it in place of the model as given.
     """
     horizon, axes = _shown(before)
-    if not axes:
-        return None
-    first, last, other = (run.excess_over_noise(horizon) for run in (before, after, beside or before))
-    return (other - last) / max(first, other)
-
-
-def _left(before: Evaluation, after: Evaluation) -> float | None:
-    """Share of that which a model leaves; None where nothing exceeds the noise."""
-    closed = _share(before, after)
-    return None if closed is None else 1.0 - closed
+    first, last, other = (run.excess(horizon) for run in (before, after, beside or before))
+    return {axis: (other[axis] - last[axis]) / max(first[axis], other[axis]) for axis in axes}
 
 
 def _one_second(run: Evaluation) -> float:
@@ -251,8 +235,9 @@ def _checked(
     name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
 ) -> Checked:
     total, (steady, freedom) = float(loss.sum()), steadiness(loss)
-    explained, left = _share(before, complete, run), _left(before, complete)
-    nameless = explained is not None and left is not None and explained <= left
+    own, closed = _explained(before, complete, run), _explained(before, complete)
+    nameless = bool(own) and all(own[axis] <= 1.0 - closed[axis] for axis in own)
+    explained = float(np.mean(list(own.values()))) if own else None
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:
         return Checked(name, "confirmed", explained, total, steady)

@@ -100,7 +100,7 @@ def share_of(explained: float) -> str:
 def verdict_sentence(
     verdict: str | None,
     effects: Sequence[NamedEffect],
-    explained: float | None,
+    explained: Mapping[str, float],
     worst: tuple[float, str, float],
     remains: str,
     *,
@@ -112,7 +112,7 @@ def verdict_sentence(
     Args:
         verdict: `adequate`, `missing_physics`, `unknown`, or None where the search was interrupted.
         effects: what was named.
-        explained: share of the hold-out's error that confirmed ones close; None where there is none to close.
+        explained: share of the hold-out's error that confirmed ones close, by channel in which there is any.
         worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
             [s].
         remains: that error with its unit.
@@ -133,17 +133,23 @@ def verdict_sentence(
         )
     sure = [e for e in effects if e.status == "confirmed"]
     if verdict == "missing_physics":
-        assert explained is not None
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in sure) else "The model lacks physics"
         rest = "What remains is noise." if complete else f"What remains, {left}, and has no name."
-        return f"{lead}: {listed(sure)} explains {share_of(explained)} of the hold-out's error at 1 s. {rest}{late}"
+        return f"{lead}: {listed(sure)} explains {_shares(explained)}. {rest}{late}"
     if sure:
-        assert explained is not None
         return (
-            f"More is missing than has a name. What was found, {listed(sure)}, explains "
-            f"{share_of(max(explained, 0.0))} of the hold-out's error at 1 s; what remains, {left}.{late}"
+            f"More is missing than has a name. What was found, {listed(sure)}, explains {_shares(explained)}; "
+            f"what remains, {left}.{late}"
         )
     return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}.{late}"
+
+
+def _shares(explained: Mapping[str, float]) -> str:
+    """Shares of the hold-out's error at 1 s; of each channel where there are several."""
+    if len(explained) < 2:
+        return f"{share_of(sum(explained.values()))} of the hold-out's error at 1 s"
+    each = [f"{share_of(share)} in the {_CHANNEL_WORDS.get(axis, axis)}" for axis, share in explained.items()]
+    return f"of the hold-out's error at 1 s {', '.join(each[:-1])} and {each[-1]}"
 
 
 def listed(effects: Sequence[NamedEffect]) -> str:

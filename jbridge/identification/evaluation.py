@@ -20,8 +20,9 @@ from .estimation import engine_for
 from .likelihood import Index, index, likelihood
 from .problem import Setting, resolve, setting_of
 from .result import Errors
-from .sensitivity import STATES, Engine, Job, Sensitivity
+from .sensitivity import Engine, Job, Sensitivity
 from .solver import Start, residual, solve, squares
+from .windowed_rollout import STATES
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 """Horizons of a report [s]."""
@@ -106,11 +107,6 @@ class Evaluation:
                 variance = self.noise()[own, k] ** 2
                 out[axis] = float(np.sum((self.square[own, k] - 1.0) * variance * count))
         return out
-
-    def excess_over_noise(self, horizon: float) -> float:
-        """The same of all channels together, each over the noise's variance."""
-        own = self.of(horizon)
-        return float(np.sum((self.square[own] - 1.0) * self.windows.count[own]))
 
     def as_errors(self) -> Errors:
         """Errors of free runs and of windows."""

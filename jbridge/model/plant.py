@@ -1,9 +1,7 @@
-"""The plant: a bridge with the effects that act on it, as one acceleration.
+"""The plant: a bridge and the effects that act on it, with the forces, levels and masses that these add up to.
 
 Hidden coordinates come with mechanisms: the `motor` behind a belt or a play, the `loaded` rope length behind an
-elastic rope, the angle `phi` below a hook. Motor and winch are coupled to the rest by a force alone, so they keep
-masses of their own; only the hook's angle enlarges the coupled mass matrix. What sticks, what meets and what rings
-between motor and cart is decided over a whole step (`dry`, `drive_train`), and so is a stiff speed loop (`speed_loop`).
+elastic rope, the angle `phi` below a hook. `equations` has the accelerations.
 """
 
 import functools
@@ -15,12 +13,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from .._math import materialise, sincos
+from .._math import sincos
 from .._programs import returned
 from .._types import Axes, Scalar
-from .bridge import Bridge, Symmetric, inverse
-from .drive_train import Sides, through_belt, through_play
-from .dry import Rows, friction
+from .bridge import Bridge, Symmetric
 from .effects.base import (
     AXIS_OF_SITE,
     DRIVE_OF_AXIS,
@@ -35,7 +31,7 @@ from .effects.bodies import AbstractBody
 from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .effects.sensors import ClockScale
-from .speed_loop import Loop, held
+from .speed_loop import Loop
 
 E = TypeVar("E", bound=AbstractEffect)
 T = TypeVar("T")
@@ -63,14 +59,6 @@ class Motion(NamedTuple):
     def at_drives(self) -> Axes:
         """Where motor and winch sit: friction and damping act there."""
         return Axes(self.x if self.motor is None else self.motor, self.psi, self.l)
-
-
-class Push(NamedTuple):
-    """Something added to a plant from outside: forces at the load's side, and friction levels."""
-
-    force: Axes
-    up: Axes
-    down: Axes
 
 
 _Inertia: TypeAlias = tuple[Symmetric, Axes]
@@ -322,143 +310,7 @@ class Plant(eqx.Module):
             resistance[axis] = self.after(resisted, resistance[axis], damping)
         return total, Axes(**resistance)
 
-    def acceleration(
-        self,
-        t: Scalar,
-        q: Motion,
-        v: Motion,
-        volts: Axes,
-        z: Scalar | None,
-        active: Axes,
-        first: tuple[Motion, Motion],
-        h: Scalar,
-        go: Array,
-        push: Push | None = None,
-        lead: Scalar | float = 0.0,
-        setpoints: tuple[Axes, Axes] | None = None,
-    ) -> Motion:
-        """Accelerations of all coordinates [m/s^2, rad/s^2].
-
-        Args:
-            t: time from the recording's start [s].
-            q, v: positions and velocities.
-            volts: inputs behind the drives' chains, in the input's unit.
-            z: relative deflection of a hysteresis' spring, None without one.
-            active: 1 for an axis that moves, 0 for one that is locked or absent.
-            first: positions and velocities at the step's beginning, from which friction and contact are judged.
-            h: length of the step [s]; the mean friction over it is used.
-            go: true, for `materialise`.
-            push: forces and friction levels to add.
-            lead: the stage's, see `rollout.Method`.
-            setpoints: `volts` at the step's beginning and end, for speed loops; steady `volts` if None.
-        """
-        train, rope, hook = self.drive_train, self.rope_end, self.only(DoublePendulum)
-        b = self.bridge
-        load_q, load_v = q.at_load(), v.at_load()
-        # A cart alone carries no load.
-        loaded = jnp.maximum(active.psi, active.l)
-        swing = materialise(sincos(load_q.psi), go)
-        m, bias = self.inertia(load_q, load_v, loaded, swing)
-        xx = m.xx if train is None else m.xx - train.motor_mass
-        winch = rope.motor_mass if isinstance(rope, HoistBacklash) else b.winch_mass
-        ll = m.ll if rope is None else m.ll - winch
-        m = m._replace(xx=xx, ll=ll)
-        # The rope's far end moves freely where it is parted from the winch, even if that is locked.
-        block = active if rope is None else active._replace(l=loaded)
-        force, resistance = materialise(self.smooth_forces(t, q, v), go)
-        if push is not None:
-            force = Axes(*(a + b for a, b in zip(force, push.force, strict=True)))
-        wanted = self.drive_forces(volts, q, v)
-        drive, resistance = self.looped(wanted, resistance, v.at_drives())
-        loops = {}
-        if train is None and rope is None and any(self.all(SpeedDrive)):
-            start, end = (volts, volts) if setpoints is None else setpoints
-            loops = self._loops(self.drive_forces(start, q, v), self.drive_forces(end, q, v), first[1].axes)
-        at_x = resistance.x if "x" in loops else drive.x + resistance.x
-        at_l = resistance.l if "l" in loops else drive.l + resistance.l
-        spring = self.hysteresis
-        if spring is not None and z is not None:
-            at_x = at_x + spring.force(q.at_drives().x, z)
-        f_x = force.x - bias.x
-        f_psi = force.psi + resistance.psi - bias.psi
-        f_l = force.l - bias.l
-        if train is None:
-            f_x = f_x + at_x
-        if rope is None:
-            f_l = f_l + at_l
-        elif isinstance(rope, RopeElasticity):
-            tension = rope.stiffness * (load_q.l - q.l) + rope.damping * (load_v.l - v.l)
-            f_l = f_l - tension
-            at_l = at_l + tension
-
-        if hook is None:
-            inv = inverse(m, block)
-            free = inv @ Axes(f_x, f_psi, f_l)
-            a_phi, to_phi = None, None
-        else:
-            inv, free, a_phi, to_phi = _with_hook(hook, b, m, block, load_q, load_v, q, v, Axes(f_x, f_psi, f_l))
-
-        # Rows of the friction problem: cart (or motor), swing, hoist (or winch).
-        w_x = inv.xx if train is None else active.x / train.motor_mass
-        w_l = inv.ll if rope is None else active.l / winch
-        w_xp = inv.xp if train is None else jnp.zeros_like(inv.xp)
-        w_xl = inv.xl if train is None and rope is None else jnp.zeros_like(inv.xl)
-        w_pl = inv.pl if rope is None else jnp.zeros_like(inv.pl)
-        a_motor = None if train is None else at_x * active.x / train.motor_mass
-        a_winch = None if rope is None else at_l * active.l / winch
-        rest = Axes(free.x if a_motor is None else a_motor, free.psi, free.l if a_winch is None else a_winch)
-        positive, negative = self.friction_levels(t, q.at_drives(), v.at_drives(), self.loads(load_q, load_v, drive))
-        if push is not None:
-            positive = Axes(*(a + b for a, b in zip(positive, push.up, strict=True)))
-            negative = Axes(*(a + b for a, b in zip(negative, push.down, strict=True)))
-        w = ((w_x, w_xp, w_xl), (w_xp, inv.pp, w_pl), (w_xl, w_pl, w_l))
-        w, rest, inv, free, positive, negative = materialise((w, rest, inv, free, positive, negative), go)
-        rubbing = [push is not None or self.has_friction(axis) for axis in Axes._fields]
-        moving = first[1].at_drives()
-        rows = Rows(rest, w, moving, positive, negative)
-        thrust, pull = None, None
-        if isinstance(rope, HoistBacklash):
-            ahead, speed = first[0].l - first[0].at_load().l, moving.l - first[1].at_load().l
-            sides = Sides(ahead, speed, rest.l - free.l, (inv.xl, inv.pl, -w_l), w_l + inv.ll + _TINY)
-            f, pull = through_play(rows, sides, rope.gap, rubbing, h, lead, go)
-        elif loops:
-            f, pulls = held(rows, {Axes._fields.index(a): loop for a, loop in loops.items()}, rubbing, h, lead, go)
-            f = [own + pulls.get(i, 0.0) for i, own in enumerate(f)]
-        elif train is None:
-            f = friction(rows, rubbing, h, go)
-        else:
-            u = (-w_x, inv.xp, inv.xl if rope is None else jnp.zeros_like(inv.xl))
-            apart, rate = first[0].at_drives().x - first[0].x, moving.x - first[1].x
-            sides = Sides(apart, rate, rest.x - free.x, u, w_x + inv.xx + _TINY)
-            if isinstance(train, Backlash):
-                f, thrust = through_play(rows, sides, train.gap, rubbing, h, lead, go)
-            else:
-                drag = b.cart_damping * w_x, v.at_drives().x - v.x
-                f, thrust = through_belt(rows, sides, (train.stiffness, train.damping), drag, rubbing, h, lead, go)
-        zero = jnp.zeros_like(q.x)
-        f_block = Axes(f[0] if train is None else zero, f[1], f[2] if rope is None else zero)
-        if thrust is not None:
-            assert a_motor is not None
-            f_block = f_block._replace(x=f_block.x + thrust)
-            a_motor = a_motor - thrust * w_x
-        if pull is not None:
-            assert a_winch is not None
-            f_block = f_block._replace(l=f_block.l + pull)
-            a_winch = a_winch - pull * w_l
-        change = inv @ f_block
-        a = Axes(*(p + c for p, c in zip(free, change, strict=True)))
-        if to_phi is not None and a_phi is not None:
-            a_phi = a_phi + to_phi.x * f_block.x + to_phi.psi * f_block.psi + to_phi.l * f_block.l
-        return Motion(
-            a.x,
-            a.psi,
-            a.l if a_winch is None else a_winch + w_l * f[2],
-            None if a_motor is None else a_motor + w_x * f[0],
-            None if rope is None else a.l,
-            a_phi,
-        )
-
-    def _loops(self, start: Axes, end: Axes, v: Axes) -> dict[str, Loop]:
+    def speed_loops(self, start: Axes, end: Axes, v: Axes) -> dict[str, Loop]:
         """Speed loops by axis, as they are solved over a whole step where no contact or belt is.
 
         Args:
@@ -477,62 +329,3 @@ class Plant(eqx.Module):
 
 def _less(effect: BackEmf, speed: Scalar, u: Scalar) -> Scalar:
     return effect.less(u, speed)
-
-
-_TINY = 1e-30
-"""Keeps finite the thrust on a cart, or the pull on a load, that is fixed."""
-
-
-def _with_hook(
-    hook: DoublePendulum,
-    b: Bridge,
-    m: Symmetric,
-    active: Axes,
-    q: Axes,
-    v: Axes,
-    hidden_q: Motion,
-    hidden_v: Motion,
-    force: Axes,
-) -> tuple[Symmetric, Axes, Scalar, Axes]:
-    """Adds the link below the hook: its angle enlarges the mass matrix, here by a Schur complement.
-
-    Returns:
-        The inverse mass matrix over the axes, their accelerations, that of `phi`, and the response of `phi` to
-        forces on the axes.
-    """
-    phi, phi_rate = hidden_q.phi, hidden_v.phi
-    assert phi is not None and phi_rate is not None
-    mass, link = b.load_mass - hook.hook_mass, hook.link
-    sine, cosine = sincos(q.psi)
-    sine_phi, cosine_phi = sincos(phi)
-    # cos(psi - phi) and sin(psi - phi)
-    along = cosine * cosine_phi + sine * sine_phi
-    across = sine * cosine_phi - cosine * sine_phi
-    column = Axes(mass * link * cosine_phi, mass * link * q.l * along, mass * link * across)
-    pull = mass * link * phi_rate * phi_rate
-    torque = hook.damping * (phi_rate - v.psi)
-    force = Axes(
-        force.x + pull * sine_phi,
-        force.psi + q.l * pull * (cosine * sine_phi - sine * cosine_phi) + torque,
-        force.l + pull * along,
-    )
-    hook_x = 2.0 * v.l * v.psi * cosine - q.l * v.psi * v.psi * sine
-    hook_down = -2.0 * v.l * v.psi * sine - q.l * v.psi * v.psi * cosine
-    f_phi = -mass * link * (cosine_phi * hook_x - sine_phi * hook_down + b.gravity * sine_phi) - torque
-    inv = inverse(m, active)
-    reach = inv @ column
-    d = mass * link * link
-    schur = d - (column.x * reach.x + column.psi * reach.psi + column.l * reach.l)
-    first = inv @ force
-    a_phi = (f_phi - (column.x * first.x + column.psi * first.psi + column.l * first.l)) / schur
-    a = Axes(*(p - r * a_phi for p, r in zip(first, reach, strict=True)))
-    full = Symmetric(
-        inv.xx + reach.x * reach.x / schur,
-        inv.xp + reach.x * reach.psi / schur,
-        inv.xl + reach.x * reach.l / schur,
-        inv.pp + reach.psi * reach.psi / schur,
-        inv.pl + reach.psi * reach.l / schur,
-        inv.ll + reach.l * reach.l / schur,
-    )
-    to_phi = Axes(-reach.x / schur, -reach.psi / schur, -reach.l / schur)
-    return full, a, a_phi, to_phi

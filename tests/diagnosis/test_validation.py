@@ -10,20 +10,20 @@ DRAG = ("quadratic_drag", "cart")
 
 
 class Run(Evaluation):
-    """Errors at one horizon, of one channel."""
+    """Errors at one horizon, in units of each channel's noise; the cart's is a thousandth of the swing's."""
 
-    def __init__(self, total):
-        object.__setattr__(self, "total", total)
+    def __init__(self, x, psi=0.0):
+        object.__setattr__(self, "total", {"x": x, "psi": psi})
 
     @property
     def horizons(self):
         return (1.0,)
 
     def ratios(self, horizon):
-        return {"x": np.sqrt(1.0 + self.total)}
+        return {axis: np.sqrt(1.0 + total) for axis, total in self.total.items()}
 
-    def excess_over_noise(self, horizon):
-        return self.total
+    def excess(self, horizon):
+        return {"x": 1e-6 * self.total["x"], "psi": self.total["psi"]}
 
 
 @pytest.mark.parametrize(
@@ -40,6 +40,15 @@ def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, lef
     found = _checked(DRAG, np.array(losses), Run(100.0), Run(left), Run(left + back))
     assert found.status == status
     assert found.explained == pytest.approx(back / max(100.0, left + back))
+
+
+@pytest.mark.parametrize(("back", "status"), [(80.0, "confirmed"), (10.0, "suggested")])
+def test_what_has_no_name_in_one_channel_speaks_against_nothing_in_another(back, status):
+    """The cart's error is 100 times larger in units of its noise, and hardly changes."""
+    before, after, without = Run(1e6, 100.0), Run(9e5, 20.0), Run(9e5, 20.0 + back)
+    found = _checked(DRAG, np.array([40.0, 60.0, 50.0]), before, after, without)
+    assert found.status == status
+    assert found.explained == pytest.approx(0.5 * back / 100.0)
 
 
 def test_where_nothing_exceeds_the_noise_steadiness_alone_decides():

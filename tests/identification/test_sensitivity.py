@@ -7,7 +7,8 @@ import pytest
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.problem import make_setting
-from jbridge.identification.sensitivity import _BLOCK, Job
+from jbridge.identification.sensitivity import Job
+from jbridge.identification.windowed_rollout import BLOCK
 from jbridge.model.files import Model
 from jbridge.rollout import MIDPOINT
 from tests.identification.cases import play, steps
@@ -58,7 +59,7 @@ def test_late_readings_and_inputs_reach_back_over_blocks():
     rest = np.concatenate([tiling.states[:1, :3], np.zeros((1, 3))], axis=1)
     [predicted] = engine.predict([Job(start.vector, 0, tiling.begins, rest)])
     count = problem.data.grids[0].intervals
-    assert count > 2 * _BLOCK and engine.samples % _BLOCK != 0
+    assert count > 2 * BLOCK and engine.samples % BLOCK != 0
     lane = make_lane(inputs[0][:count], 0.01, active=EVERY_AXIS)
     moved = simulate(plant, jnp.asarray(rest[0]), lane, substeps=engine.steps.number, method=MIDPOINT)
     assert np.abs(predicted[: count + 1] - measure(plant, lane, moved)).max() < 1e-9

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jbridge._types import Axes
+from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.plant import Motion
 from jbridge.model.steps import longest_step, substeps
 from tests.problems import make_plant
@@ -23,7 +24,7 @@ def jacobian(plant, names: tuple[str, ...], state):
         halves = jnp.split(state, 2)
         q, v = (Motion(**dict(zip(names, half, strict=True))) for half in halves)
         time, step = jnp.zeros(()), jnp.asarray(1e-9)
-        a = plant.acceleration(time, q, v, none, None, active, (q, v), step, jnp.asarray(True))
+        a = accelerations(plant, Stage(time, q, v, none), Step(q, v, step, active, jnp.asarray(True)))
         return jnp.concatenate([halves[1], jnp.stack([getattr(a, name) for name in names])])
 
     return jax.jacfwd(rates)(state)

@@ -13,7 +13,7 @@ from jbridge.model.parameters import ParameterTable
 from jbridge.model.speed_loop import shares
 from jbridge.model.steps import substeps
 from jbridge.rollout import MIDPOINT
-from tests.model.effects.test_gradients import START, check, programs
+from tests.model.effects.test_gradients import START, check_forward, check_reverse, programs
 from tests.problems import (
     LOCKED_ROPE,
     NUMBERS,
@@ -126,7 +126,8 @@ def test_derivatives():
         *(f"{DRIVE[0]}@{DRIVE[1]}.{k}" for k in ("time_constant", "limit")),
     ]
     places = [table.positions(name)[0] for name in [*names, "speed_drive@hoist_drive.time_constant"]]
-    check(programs(table), np.array(table.ravel(plant)), make_state(*START[:3], rates=START[3:]), places)
+    of, vector, start = programs(table), jnp.asarray(table.ravel(plant)), make_state(*START[:3], rates=START[3:])
+    check_reverse(of, vector, start, check_forward(of, vector, start, places))
 
 
 def test_shares_of_a_step():
