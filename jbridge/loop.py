@@ -103,7 +103,7 @@ def periods_remembered(plant: Plant, period: float) -> int:
     return 0 if not delays else int(-(-max(delays) // period)) + 1
 
 
-def closed_loop(
+def closed_loop(  # noqa: PLR0913
     plant: Plant,
     controller: AbstractController,
     initial: Float[Array, " state"],

@@ -124,7 +124,7 @@ class Sample(NamedTuple):
     """[s]"""
 
 
-def play(
+def play(  # noqa: PLR0913
     plant: Plant,
     initial: Float[Array, " state"],
     inputs: Float[Array, "time 2"],

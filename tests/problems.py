@@ -110,7 +110,7 @@ def measure(plant: Plant, lane: Lane, motions):
 
 
 @eqx.filter_jit
-def accelerate(plant: Plant, q: Motion, v: Motion, volts: Axes, active: Axes, t=0.0, z=None, h=1e-9) -> Motion:
+def accelerate(plant: Plant, q: Motion, v: Motion, volts: Axes, active: Axes, t=0.0, z=None, h=1e-9) -> Motion:  # noqa: PLR0913
     """The plant's accelerations at one instant, friction judged from the velocities there."""
     time, step = jnp.asarray(t, dtype=float), jnp.asarray(h, dtype=float)
     return accelerations(plant, Stage(time, q, v, volts, z), Step(q, v, step, active, jnp.asarray(True)))

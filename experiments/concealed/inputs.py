@@ -5,7 +5,9 @@ recordings are open loop on every time scale that matters and yet stay on the ra
 to 0.1 mV, which is what is logged.
 """
 
+import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,6 +15,7 @@ PERIOD = 0.02
 """Period of the controller [s]."""
 
 
+@dataclasses.dataclass
 class Hand:
     """One axis driven by hand, in one of several styles, between two limits.
 
@@ -26,9 +29,17 @@ class Hand:
         busy: share of moves among moves and rests.
     """
 
-    def __init__(self, key, style, low, high, volts, creep, speed, hold=0.0, busy=0.7):
-        self.key, self.style, self.low, self.high = key, style, low, high
-        self.volts, self.creep, self.speed, self.hold, self.busy = volts, creep, speed, hold, busy
+    key: np.random.Generator
+    style: str
+    low: float
+    high: float
+    volts: tuple[float, float]
+    creep: tuple[float, float]
+    speed: Callable[[float, float], float]
+    hold: float = 0.0
+    busy: float = 0.7
+
+    def __post_init__(self):
         self.start = self.until = 0.0
         self.level, self.shape = 0.0, "steps"
 

@@ -121,22 +121,23 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         tuned[name] = found
         return found
 
-    for name in CONTROLLERS:
-        if name not in wanted:
-            continue
-        found = law(name)
-        if isinstance(found, jbridge.FuzzyController):
-            OUT.mkdir(parents=True, exist_ok=True)
-            jbridge.save_controller(
-                OUT / f"{name.replace(',', '').replace(' ', '-')}.toml", jbridge.Controller(found, PERIOD)
-            )
-        prepare = shaper(name, bench)
-        held_out = jbridge.Course(bench.model.plant, bench.others, bench.moves, PERIOD, prepare)
-        measured = jbridge.measure(held_out, found)
-        moves = jbridge.Course(bench.model.plant, bench.train.rows[:1], jbridge.paper_legs(), PERIOD, prepare)
-        rig = on_rig(jbridge.Controller(found, PERIOD), moves)
-        keep("controllers", name, {"measures": {"held_out": {key: measured[key] for key in MEASURES}}, "rig": rig})
-        told(f"{name}: settled on the rig {[run['settling'] for run in rig]}")
+    for name in filter(wanted.__contains__, CONTROLLERS):
+        compare(name, law(name), bench)
+
+
+def compare(name: str, law: object, bench: Bench) -> None:
+    """Measures a controller on held-out bridges and on the rig."""
+    if isinstance(law, jbridge.FuzzyController):
+        OUT.mkdir(parents=True, exist_ok=True)
+        file = OUT / f"{name.replace(',', '').replace(' ', '-')}.toml"
+        jbridge.save_controller(file, jbridge.Controller(law, PERIOD))
+    prepare = shaper(name, bench)
+    held_out = jbridge.Course(bench.model.plant, bench.others, bench.moves, PERIOD, prepare)
+    measured = jbridge.measure(held_out, law)
+    moves = jbridge.Course(bench.model.plant, bench.train.rows[:1], jbridge.paper_legs(), PERIOD, prepare)
+    rig = on_rig(jbridge.Controller(law, PERIOD), moves)
+    keep("controllers", name, {"measures": {"held_out": {key: measured[key] for key in MEASURES}}, "rig": rig})
+    told(f"{name}: settled on the rig {[run['settling'] for run in rig]}")
 
 
 def shaper(name: str, bench: Bench):

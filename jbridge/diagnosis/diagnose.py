@@ -90,7 +90,13 @@ def diagnose(
         checked = unopened(search.problem, base, found)
     else:
         checked = validate(search.problem, base, found, sealed, tell)
-    return _told(model, search, checked, sealed, former, new, notes, begun, tell)
+    result = _told(model, search, checked, sealed, tell)
+    return dataclasses.replace(
+        result,
+        continued=None if former is None else continued(former, result.effects, [r.name for r in new]),
+        notes=tuple(dict.fromkeys(notes)),
+        seconds=time.perf_counter() - begun,
+    )
 
 
 def _told(
@@ -98,13 +104,9 @@ def _told(
     search: Search,
     checked: Validation,
     sealed: HoldOut,
-    former: Former | None,
-    new: Sequence[Recording],
-    notes: Sequence[str],
-    begun: float,
     tell: Callable[[str], None],
 ) -> Diagnosis:
-    """All that the report tells."""
+    """All that the report tells of model and recordings."""
     problem, found = search.problem, search.held[-1]
     setting, base, final, opened = problem.setting, checked.given, checked.final, search.stopped != "interrupted"
     verdict, complete = checked.verdict if opened else (None, False)
@@ -140,40 +142,37 @@ def _told(
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})
     return Diagnosis(
-        verdict,
-        complete,
-        _with_mean(checked.explained),
-        search.stopped,
-        statement,
-        Adequacy(
+        verdict=verdict,
+        complete=complete,
+        explained=_with_mean(checked.explained),
+        stopped=search.stopped,
+        statement=statement,
+        adequacy=Adequacy(
             alarm,
             repeatable(training, axis, after=False),
             repeatable(training, axis, after=True),
             {a: Channel(e, setting.noise[a]) for a, e in checked.train_before.errors(WHOLE).items()},
         ),
-        place,
-        effects,
-        own,
-        {name: e for name, e in values.items() if "@" not in name},
-        dataclasses.replace(model, plant=base.plant),
-        dataclasses.replace(model, plant=final.plant, known=known, uncertainty=as_uncertainty(values)),
-        checked.train_before.as_errors(),
-        checked.train_after.as_errors(),
-        checked.before.as_errors() if opened else empty,
-        checked.after.as_errors() if opened else empty,
-        setting.noise,
-        WINDOW,
-        _horizons(checked) if opened else (),
-        sealed.names,
-        shown,
-        _trials(search),
-        not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
-        next_experiment(rivals, problem, tell) if len(rivals) > 1 else None,
-        None if former is None else continued(former, effects, [r.name for r in new]),
-        tuple(doubts),
-        tuple(dict.fromkeys(notes)),
-        dataclasses.asdict(CRITERIA) | {"seed": 0},
-        time.perf_counter() - begun,
+        location=place,
+        effects=effects,
+        model_effects=own,
+        bridge={name: e for name, e in values.items() if "@" not in name},
+        before=dataclasses.replace(model, plant=base.plant),
+        model=dataclasses.replace(model, plant=final.plant, known=known, uncertainty=as_uncertainty(values)),
+        train_before=checked.train_before.as_errors(),
+        train_after=checked.train_after.as_errors(),
+        holdout_before=checked.before.as_errors() if opened else empty,
+        holdout_after=checked.after.as_errors() if opened else empty,
+        noise=setting.noise,
+        window=WINDOW,
+        horizons=_horizons(checked) if opened else (),
+        holdout=sealed.names,
+        traces=shown,
+        trials=_trials(search),
+        not_seen=not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
+        next_experiment=next_experiment(rivals, problem, tell) if len(rivals) > 1 else None,
+        warnings=tuple(doubts),
+        settings=dataclasses.asdict(CRITERIA) | {"seed": 0},
     )
 
 

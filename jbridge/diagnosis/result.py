@@ -209,7 +209,7 @@ class Continued:
     statement: str
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, kw_only=True)
 class Diagnosis(Displayed):
     """Everything that `report.json` and `report.html` tell."""
 
@@ -250,9 +250,9 @@ class Diagnosis(Displayed):
     not_seen: tuple[NotSeen, ...]
     """What else of the catalogue may hide in these recordings, the notable first."""
     next_experiment: NextExperiment | None
-    continued: Continued | None
+    continued: Continued | None = None
     """Of a diagnosis that goes on from an earlier one."""
     warnings: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     settings: Mapping[str, object]
-    seconds: float
+    seconds: float = 0.0

@@ -113,7 +113,7 @@ class Starts:
         return self.ratios <= (1.0 + within) * np.nanmin(self.ratios)
 
 
-def fit_from_many(
+def fit_from_many(  # noqa: PLR0913
     model: Model,
     recordings: Sequence[Recording],
     *,

@@ -93,7 +93,6 @@ def solve(
         tolerance: a fit is done when a step gains less than this [nat], or a thousandth of that per unit of the
             criterion.
     """
-    low_all, high_all = engine.table.bounds()
     points = _from_first_guesses(engine, data, windows, likelihood, evaluate(engine, data, windows, likelihood, starts))
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
@@ -110,9 +109,7 @@ def solve(
             for i, normal in waiting.items():
                 point = points[i]
                 weight = likelihood.weights(point.square)
-                step = parameter_step(
-                    engine.table, normal, weight, point.free, point.vector, low_all, high_all, damping[i]
-                )
+                step = _parameter_step(engine.table, normal, weight, point, damping[i])
                 vector = point.vector.copy()
                 vector[point.free] += step
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
@@ -273,17 +270,12 @@ def _eliminated(
     return change[:, :, n], change[:, :, :n]
 
 
-def parameter_step(
-    table: ParameterTable,
-    normal: Normal,
-    weight: NDArray[np.float64],
-    free: NDArray[np.int64],
-    vector: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    damping: float,
+def _parameter_step(
+    table: ParameterTable, normal: Normal, weight: NDArray[np.float64], point: Point, damping: float
 ) -> NDArray[np.float64]:
     """Damped Gauss-Newton step of the free parameters within their bounds."""
+    free, vector = point.free, point.vector
+    low, high = table.bounds()
     total = np.einsum("wc,wcij->ij", weight, normal.products)
     n = len(free)
     tied = ties(table, free, np.diag(total)[:n])

@@ -104,31 +104,35 @@ def through_play(
     return f, side * jnp.where(meets, plain + lead * (early - plain), 0.0)
 
 
+class Belt(NamedTuple):
+    """What holds the sides together."""
+
+    stiffness: Scalar
+    """[N/m]"""
+    damping: Scalar
+    """[N s/m]"""
+    loss: Scalar
+    """What the motor's own damping takes of its speed [1/s],"""
+    beyond: Scalar
+    """and the speed beyond the cart's [m/s] with which `Sides.rest` has it: as the sides vibrate, it changes."""
+
+
 def through_belt(
-    rows: Rows,
-    sides: Sides,
-    belt: tuple[Scalar, Scalar],
-    drag: tuple[Scalar, Scalar],
-    rubbing: Sequence[bool],
-    h: Scalar,
-    lead: Scalar | float,
-    go: Array,
+    rows: Rows, sides: Sides, belt: Belt, rubbing: Sequence[bool], h: Scalar, lead: Scalar | float, go: Array
 ) -> tuple[list[Scalar], Scalar]:
     """Friction beside a belt: under steady forces its sides vibrate about each other as in closed form.
 
     Args:
         rows, rubbing, h, go: see `friction`.
         sides: motor and cart.
-        belt: its stiffness and damping [N/m, N s/m].
-        drag: what the motor's own damping takes of its speed [1/s], and the speed beyond the cart's [m/s] with which
-            `sides.rest` has it: as the sides vibrate, it changes.
+        belt: between them.
         lead: see `rollout.Method`.
 
     Returns:
         Friction of each row, and the thrust of the motor on the cart [N].
     """
     apart, rate, w = sides.apart, sides.rate, sides.w
-    (stiffness, damping), (loss, beyond) = belt, drag
+    stiffness, damping, loss, beyond = belt
     square, a = w * stiffness, 0.5 * (w * damping + loss)
     step = jnp.where(h > 0, h, 1.0)
     one_less_c, s = _vibration(a * h, (square - a * a) * h * h)

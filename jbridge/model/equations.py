@@ -14,7 +14,7 @@ from jaxtyping import Array
 from .._math import materialise, sincos
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
-from .drive_train import Sides, through_belt, through_play
+from .drive_train import Belt, Sides, through_belt, through_play
 from .dry import Rows, friction
 from .effects.drives import SpeedDrive
 from .effects.flexible import Backlash, DoublePendulum, HoistBacklash, RopeElasticity
@@ -234,8 +234,9 @@ def _contact(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _
     if isinstance(train, Backlash):
         f, thrust = through_play(rows, sides, train.gap, rubbing, h, lead, go)
     else:
-        drag = plant.bridge.cart_damping * w_x, stage.v.at_drives().x - stage.v.x
-        f, thrust = through_belt(rows, sides, (train.stiffness, train.damping), drag, rubbing, h, lead, go)
+        beyond = stage.v.at_drives().x - stage.v.x
+        belt = Belt(train.stiffness, train.damping, plant.bridge.cart_damping * w_x, beyond)
+        f, thrust = through_belt(rows, sides, belt, rubbing, h, lead, go)
     return _Contact(f, thrust=thrust)
 
 

@@ -104,8 +104,12 @@ class Element:
         dimensions = self.integers(stop, (INT32, UINT32), 2, 32)
         if min(dimensions) < 0:
             raise ValueError(f"a dimension below 0 at byte {self.position}")
-        count = math.prod(dimensions)
         self.data(stop, (INT8, UTF8))
+        self.visit_contents(flags, math.prod(dimensions), stop, depth)
+
+    def visit_contents(self, flags: int, count: int, stop: int, depth: int) -> None:
+        """Visits what follows an array's name."""
+        of_class = flags & 0xFF
         if of_class in NUMERIC:
             for _ in range(2 if flags & COMPLEX else 1):
                 self.numbers(stop, count)
@@ -127,7 +131,7 @@ class Element:
         elif of_class == FUNCTION:
             self.visit_arrays(1, stop, depth)
         else:
-            raise ValueError(f"unknown class {of_class} of an array at byte {start}")
+            raise ValueError(f"unknown class {of_class} of an array that ends at byte {stop}")
 
     def visit_arrays(self, count: int, stop: int, depth: int) -> None:
         """Visits arrays that follow each other, those within a cell or a struct."""

@@ -66,7 +66,7 @@ class Recording:
     """Inputs of the rows before the first one here, which a delay or a lag still feels; None counts as inputs of 0."""
 
     @classmethod
-    def from_arrays(
+    def from_arrays(  # noqa: PLR0913
         cls,
         *,
         t: ArrayLike,

@@ -40,7 +40,7 @@ class Finding:
     seconds: float = 0.0
 
 
-def diagnose_each(
+def diagnose_each(  # noqa: PLR0913
     model: PathLike,
     folders: Sequence[PathLike],
     out: PathLike,

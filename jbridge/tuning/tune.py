@@ -65,7 +65,7 @@ class Tuning:
     seconds: float
 
 
-def tune(
+def tune(  # noqa: PLR0913
     model: Model,
     controller: Controller,
     *,

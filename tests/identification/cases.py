@@ -60,7 +60,7 @@ def steps(count: int, seed: int, *, hold: int = 40, volts: float = 2.0) -> NDArr
     return np.repeat(levels, hold)[:count]
 
 
-def play(
+def play(  # noqa: PLR0913
     plant: Plant,
     u: NDArray[np.float64],
     *,

@@ -73,7 +73,7 @@ class ParameterInfo:
     """Its name in model files and reports (a field may not carry the name of a method)."""
 
 
-def parameter(
+def parameter(  # noqa: PLR0913
     unit: str,
     doc: str,
     *,

@@ -166,12 +166,10 @@ def _improvement(
 
 
 def _missing(diagnosis: Diagnosis, units: Mapping[str, str]) -> tuple[Picture, ...]:
-    location, axis = diagnosis.location, AXIS_OF_EQUATION.get(diagnosis.location.equation)
-    if location.likeness is None or axis is None:
+    axis = AXIS_OF_EQUATION.get(diagnosis.location.equation)
+    if axis is None:
         return ()
-    name = f"missing-force-{axis}"
-    places = location.where, location.when
-    return _present(draw_missing(name, location.forces, diagnosis.traces, axis, location.likeness, units, *places))
+    return _present(draw_missing(f"missing-force-{axis}", diagnosis.location, diagnosis.traces, axis, units))
 
 
 def _forces(

@@ -8,7 +8,7 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...diagnosis.describe import most_telling
-from ...diagnosis.result import Interval, Likeness, MissingForce, Region
+from ...diagnosis.result import Location, MissingForce
 from ...identification.result import Trace
 from ..quantities import pretty_unit
 from ..words import variable_name, variable_unit
@@ -24,31 +24,28 @@ Points = NDArray[np.float64]
 
 def draw_missing(
     name: str,
-    forces: Sequence[MissingForce],
+    location: Location,
     traces: Sequence[Trace],
     axis: str,
-    likeness: Likeness,
     units: Mapping[str, str],
-    where: Sequence[Region] = (),
-    when: Sequence[Interval] = (),
 ) -> Picture | None:
     """The smoothed force along the recording where it is largest, and against two variables.
 
     Args:
         name: of the picture's file.
-        forces: by recording.
+        location: forces by recording, what they are like, and where and when they are largest, which is shaded.
         traces: the same recordings, and maybe more.
         axis: on which the force acts, `x`, `psi` or `l`.
-        likeness: what it is like.
         units: of the inputs.
-        where: stretches of variables to shade; the clearest one's variable is drawn.
-        when: times to shade.
 
     Returns:
         None where there is no force to draw.
     """
+    where, when, likeness = location.where, location.when, location.likeness
+    if likeness is None:
+        return None
     by_name = {trace.recording: trace for trace in traces}
-    pairs = [(force, by_name[force.recording]) for force in forces if force.recording in by_name]
+    pairs = [(force, by_name[force.recording]) for force in location.forces if force.recording in by_name]
     pairs = [(force, trace) for force, trace in pairs if np.isfinite(force.mean).sum() > 1]
     if not pairs:
         return None
