@@ -10,10 +10,7 @@ from jbridge._display import connect
 
 if TYPE_CHECKING:
     from jbridge._types import Axes as Axes
-    from jbridge.collect import AbstractSummary as AbstractSummary
-    from jbridge.collect import Every as Every
-    from jbridge.collect import Everything as Everything
-    from jbridge.compilation import set_up as set_up
+    from jbridge.compilation.settings import set_up as set_up
     from jbridge.control.base import Reference as Reference
     from jbridge.control.compensation import Compensation as Compensation
     from jbridge.control.extended import extended_controller as extended_controller
@@ -44,7 +41,6 @@ if TYPE_CHECKING:
     from jbridge.identification.identifiability import Identifiability as Identifiability
     from jbridge.identification.identifiability import identifiability as identifiability
     from jbridge.identification.result import Fit as Fit
-    from jbridge.loop import closed_loop as closed_loop
     from jbridge.model.bridge import Bridge as Bridge
     from jbridge.model.effects.base import AbstractForce as AbstractForce
     from jbridge.model.effects.base import AbstractFriction as AbstractFriction
@@ -64,31 +60,35 @@ if TYPE_CHECKING:
     from jbridge.recordings import save_csv as save_csv
     from jbridge.report.check import describe_check as describe_check
     from jbridge.report.check import save_check as save_check
-    from jbridge.report.comparison import save_comparison as save_comparison
-    from jbridge.report.each import Finding as Finding
-    from jbridge.report.each import diagnose_each as diagnose_each
+    from jbridge.report.control.comparison import save_comparison as save_comparison
+    from jbridge.report.control.paper import save_paper as save_paper
+    from jbridge.report.control.rivals import describe_rivals as describe_rivals
+    from jbridge.report.control.tracking import describe_tracking as describe_tracking
+    from jbridge.report.control.tracking import save_tracking as save_tracking
+    from jbridge.report.control.tuning import describe_tuning as describe_tuning
+    from jbridge.report.control.tuning import save_tuning as save_tuning
+    from jbridge.report.diagnosis.former import load_former as load_former
+    from jbridge.report.diagnosis.many_rigs import Finding as Finding
+    from jbridge.report.diagnosis.many_rigs import diagnose_each as diagnose_each
     from jbridge.report.files import check_output as check_output
-    from jbridge.report.former import load_former as load_former
-    from jbridge.report.paper import save_paper as save_paper
-    from jbridge.report.rivals import describe_rivals as describe_rivals
     from jbridge.report.save import save_fit as save_fit
     from jbridge.report.save import save_report as save_report
-    from jbridge.report.terminal import describe_diagnosis as describe_diagnosis
-    from jbridge.report.terminal import describe_fit as describe_fit
-    from jbridge.report.tracking import describe_tracking as describe_tracking
-    from jbridge.report.tracking import save_tracking as save_tracking
-    from jbridge.report.tuning import describe_tuning as describe_tuning
-    from jbridge.report.tuning import save_tuning as save_tuning
-    from jbridge.rollout import play as play
+    from jbridge.report.text.terminal import describe_diagnosis as describe_diagnosis
+    from jbridge.report.text.terminal import describe_fit as describe_fit
     from jbridge.signals import Path as Path
     from jbridge.signals import smooth_path as smooth_path
+    from jbridge.simulation.closed_loop import closed_loop as closed_loop
+    from jbridge.simulation.collect import AbstractSummary as AbstractSummary
+    from jbridge.simulation.collect import Every as Every
+    from jbridge.simulation.collect import Everything as Everything
+    from jbridge.simulation.rollout import play as play
+    from jbridge.simulation.tracking import Tracking as Tracking
+    from jbridge.simulation.tracking import track as track
     from jbridge.sweep.run import SweepResult as SweepResult
     from jbridge.sweep.run import read_sweep as read_sweep
     from jbridge.sweep.run import run_sweep as run_sweep
     from jbridge.sweep.spec import Sweep as Sweep
     from jbridge.sweep.spec import load_sweep as load_sweep
-    from jbridge.tracking import Tracking as Tracking
-    from jbridge.tracking import track as track
     from jbridge.tuning.compensation import compensation_for as compensation_for
     from jbridge.tuning.cost import Cost as Cost
     from jbridge.tuning.cost import Measure as Measure
@@ -115,7 +115,7 @@ __version__: str
 _HOMES = {
     "AbstractForce": "model.effects.base",
     "AbstractFriction": "model.effects.base",
-    "AbstractSummary": "collect",
+    "AbstractSummary": "simulation.collect",
     "Axes": "_types",
     "Bridge": "model.bridge",
     "CATALOGUE": "model.effects.catalogue",
@@ -124,9 +124,9 @@ _HOMES = {
     "Cost": "tuning.cost",
     "Course": "tuning.ensemble",
     "Diagnosis": "diagnosis.result",
-    "Every": "collect",
-    "Everything": "collect",
-    "Finding": "report.each",
+    "Every": "simulation.collect",
+    "Everything": "simulation.collect",
+    "Finding": "report.diagnosis.many_rigs",
     "Fit": "identification.result",
     "Former": "diagnosis.result",
     "FuzzyController": "control.fuzzy",
@@ -150,20 +150,20 @@ _HOMES = {
     "StateFeedback": "control.linear",
     "Sweep": "sweep.spec",
     "SweepResult": "sweep.run",
-    "Tracking": "tracking",
+    "Tracking": "simulation.tracking",
     "Tuning": "tuning.tune",
     "check_output": "report.files",
-    "closed_loop": "loop",
+    "closed_loop": "simulation.closed_loop",
     "compensation_for": "tuning.compensation",
     "controller_header": "export.c",
     "describe_check": "report.check",
-    "describe_diagnosis": "report.terminal",
-    "describe_fit": "report.terminal",
-    "describe_rivals": "report.rivals",
-    "describe_tracking": "report.tracking",
-    "describe_tuning": "report.tuning",
+    "describe_diagnosis": "report.text.terminal",
+    "describe_fit": "report.text.terminal",
+    "describe_rivals": "report.control.rivals",
+    "describe_tracking": "report.control.tracking",
+    "describe_tuning": "report.control.tuning",
     "diagnose": "diagnosis.diagnose",
-    "diagnose_each": "report.each",
+    "diagnose_each": "report.diagnosis.many_rigs",
     "extended_controller": "control.extended",
     "fit": "identification.fit",
     "fit_from_many": "identification.fit",
@@ -174,7 +174,7 @@ _HOMES = {
     "linear_model": "tuning.linearise",
     "load_controller": "control.files",
     "load_fis": "fuzzy.fis",
-    "load_former": "report.former",
+    "load_former": "report.diagnosis.former",
     "load_model": "model.files",
     "load_recording": "recordings",
     "load_recordings": "recordings",
@@ -187,32 +187,32 @@ _HOMES = {
     "paper_controller": "control.paper",
     "paper_legs": "tuning.ensemble",
     "paper_path": "control.references",
-    "play": "rollout",
+    "play": "simulation.rollout",
     "random_legs": "tuning.ensemble",
     "read_sweep": "sweep.run",
     "run_sweep": "sweep.run",
     "save_check": "report.check",
-    "save_comparison": "report.comparison",
+    "save_comparison": "report.control.comparison",
     "save_controller": "control.files",
     "save_csv": "recordings",
     "save_export": "export.save",
     "save_fis": "fuzzy.fis",
     "save_fit": "report.save",
     "save_model": "model.files",
-    "save_paper": "report.paper",
+    "save_paper": "report.control.paper",
     "save_report": "report.save",
-    "save_tracking": "report.tracking",
-    "save_tuning": "report.tuning",
+    "save_tracking": "report.control.tracking",
+    "save_tuning": "report.control.tuning",
     "scattered": "tuning.ensemble",
     "shaped": "control.shaping",
     "simulate": "prediction",
     "smooth_path": "signals",
     "state_space": "export.models",
-    "track": "tracking",
+    "track": "simulation.tracking",
     "tune": "tuning.tune",
     "usual_goal": "tuning.objectives",
     "with_values": "model.parameters",
-    "set_up": "compilation",
+    "set_up": "compilation.settings",
 }
 """The module of each public name. None is called like a module of this package, which would hide it once loaded."""
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
-from ._programs import returned
+from .compilation.programs import returned
 
 Scalar = Float[Array, ""]
 """One number; batches come from `jax.vmap`."""

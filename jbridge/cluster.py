@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from .compilation import set_up
+from .compilation.settings import set_up
 from .errors import InputError
 
 _PATIENCE = 60.0

@@ -10,18 +10,18 @@ import numpy as np
 from jax import jit, jvp
 
 from ._display import Displayed
-from ._threads import one_thread_each
 from ._types import AXES, Axes
+from .compilation.threads import one_thread_each
 from .errors import InputError
 from .identification.data.grid import grid
 from .identification.evaluation import free_run
-from .inputs import Lane
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .model.plant import Motion, Plant
 from .model.steps import substeps
 from .recordings import Recording
-from .rollout import RK4, read, readings, rollout
+from .simulation.inputs import Lane
+from .simulation.rollout import RK4, read, readings, rollout
 
 _STEP = 0.0025
 """Longest step of a rigid bridge [s]."""

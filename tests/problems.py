@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jbridge._types import Axes
-from jbridge.inputs import Lane
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractMechanism, options_of, parameters_of
 from jbridge.model.effects.cable import CableDrag
@@ -17,7 +16,8 @@ from jbridge.model.effects.drives import SpeedDrive
 from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
-from jbridge.rollout import readings, rollout
+from jbridge.simulation.inputs import Lane
+from jbridge.simulation.rollout import readings, rollout
 
 PERIOD = 0.005
 """Sampling period of the rig [s]."""

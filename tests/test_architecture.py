@@ -19,19 +19,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"_display", "_programs", "_threads"},
-    {"_math", "_parameters", "_types", "compilation", "errors"},
+    {"_display", "compilation"},
+    {"_math", "_types", "errors"},
     {"_files", "_toml", "cluster"},
-    {"collect", "signals", "recordings"},
+    {"signals", "recordings"},
     {"model", "fuzzy"},
-    {"control", "inputs"},
-    {"rollout"},
-    {"loop"},
-    {"summaries", "tracking"},
+    {"control"},
+    {"simulation"},
     {"identification"},
     {"diagnosis", "prediction", "tuning"},
     {"export", "sweep"},
-    {"plots", "report"},
+    {"report"},
     {"cli"},
     {"__main__"},
 )
@@ -113,12 +111,12 @@ def test_imports_point_down():
 def opens_holdout(path: PurePath, source: str) -> list[str]:
     """Returns one complaint per line by which a module other than the validation could open a hold-out."""
     complaints = []
-    if path.name not in ("diagnose.py", "validation.py", "holdout.py"):
+    if path.name not in ("diagnose.py", "validate.py", "holdout.py"):
         known = [found for found in imports(path, source) if found.name == "HoldOut"]
         complaints += [f"{path}:{found.line}: knows the hold-out" for found in known]
     for node in ast.walk(ast.parse(source)):
         opened = isinstance(node, ast.Attribute) and node.attr in ("open", "_recordings")
-        if opened and path.name not in ("validation.py", "holdout.py"):
+        if opened and path.name not in ("validate.py", "holdout.py"):
             complaints.append(f"{path}:{node.lineno}: opens the hold-out")
     return complaints
 
@@ -132,7 +130,7 @@ def test_the_validation_alone_opens_the_hold_out():
     "source", ["from .holdout import HoldOut", "runs = sealed.open()", "runs = problem.setting.holdout._recordings"]
 )
 def test_what_opens_a_hold_out_would_be_found(source):
-    assert len(opens_holdout(PurePath("jbridge/diagnosis/selection.py"), source)) == 1
+    assert len(opens_holdout(PurePath("jbridge/diagnosis/selection/search.py"), source)) == 1
 
 
 def test_experiments_use_the_public_face():
@@ -178,13 +176,13 @@ def test_every_import_is_a_dependency():
 @pytest.mark.parametrize(
     ("path", "source", "complaint"),
     [
-        ("jbridge/model/bridge.py", "from jbridge.rollout import rollout", "imports up, from rollout"),
+        ("jbridge/model/bridge.py", "from jbridge.simulation.rollout import rollout", "imports up, from simulation"),
         ("jbridge/model/effects/base.py", "from ...control import base", "model imports up, from control"),
-        ("jbridge/rollout.py", "from jbridge import sweep", "rollout imports up, from sweep"),
+        ("jbridge/simulation/rollout.py", "from jbridge import sweep", "simulation imports up, from sweep"),
         ("jbridge/fuzzy/rules.py", "from ..model.bridge import Bridge", "fuzzy imports sideways, from model"),
         ("jbridge/tuning/search.py", "def f():\n    import jbridge.diagnosis.noise", "tuning imports sideways"),
-        ("jbridge/plots.py", "from jbridge import Fit", "plots imports the public face"),
-        ("jbridge/plots.py", "import jbridge", "plots imports the public face"),
+        ("jbridge/report/save.py", "from jbridge import Fit", "report imports the public face"),
+        ("jbridge/report/save.py", "import jbridge", "report imports the public face"),
         ("jbridge/cli/fit.py", "from jbridge.identification.fit import fit", "cli imports identification instead of"),
         ("jbridge/__init__.py", "from jbridge.cli import main", "the public face imports cli"),
         ("jbridge/sweep.py", "from jbridge.utils import clip", "imports utils, which has no layer"),
@@ -201,8 +199,8 @@ def test_a_bad_import_is_found(path, source, complaint):
     [
         ("jbridge/__init__.py", "if TYPE_CHECKING:\n    from jbridge.report import Report"),
         ("jbridge/model/plant.py", "from jbridge.model.bridge import Bridge\nfrom . import effects"),
-        ("jbridge/rollout.py", "from jbridge import control\nfrom jbridge._types import Dof"),
-        ("jbridge/identification/fit.py", "import jax\nfrom jbridge.rollout import rollout"),
+        ("jbridge/simulation/rollout.py", "from jbridge import control\nfrom jbridge._types import Dof"),
+        ("jbridge/identification/fit.py", "import jax\nfrom jbridge.simulation.rollout import rollout"),
         ("jbridge/cli/fit.py", "import jbridge\nfrom jbridge import __version__, simulate"),
         ("jbridge/__main__.py", "from jbridge.cli import main"),
     ],
@@ -215,3 +213,12 @@ def test_a_private_import_is_found():
     source = "from jbridge import simulate\nimport numpy\nfrom jbridge.simulate import Trajectory"
     (found,) = private_imports(PurePath("experiments/figure.py"), source)
     assert found == "experiments/figure.py:3: imports jbridge.simulate"
+
+
+def test_packages_have_at_most_a_dozen_modules():
+    large = {}
+    for folder in {ROOT / path.parent for path, _ in sources("jbridge")}:
+        modules = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
+        if len(modules) > 12:
+            large[str(folder.relative_to(ROOT))] = len(modules)
+    assert large == {}

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from jbridge.report.comparison import save_comparison, table
+from jbridge.report.control.comparison import save_comparison, table
 
 T = np.arange(0.0, 2.0, 0.02)
 RUN = {name: np.zeros_like(T).tolist() for name in ("x", "psi", "l", "u_x", "u_l")} | {"t": T.tolist()}

@@ -7,8 +7,8 @@ import pytest
 from jbridge import Controller, Model, extended_controller, paper_controller, smooth_path, track
 from jbridge._types import Axes
 from jbridge.control.base import Reference
-from jbridge.report.figures import fuzzy
-from jbridge.report.tracking import rule_pictures
+from jbridge.report.control.tracking import rule_pictures
+from jbridge.report.figures.control import fuzzy
 from tests.problems import NUMBERS, make_plant
 
 

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge._types import Axes
-from jbridge.collect import AbstractSummary, Every
 from jbridge.control.base import AbstractController, Reference
-from jbridge.loop import closed_loop, periods_remembered
-from jbridge.rollout import RK4
+from jbridge.simulation.closed_loop import closed_loop, periods_remembered
+from jbridge.simulation.collect import AbstractSummary, Every
+from jbridge.simulation.rollout import RK4
 from tests.problems import (
     EVERY_AXIS,
     NUMBERS,

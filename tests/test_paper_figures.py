@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge.cli import main
-from jbridge.report.paper import paper_tables
+from jbridge.report.control.paper import paper_tables
 
 T = np.linspace(0.0, 5.0, 101)
 

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge import _programs
-from jbridge._programs import Program, keep_in
 from jbridge._types import Axes, Scalar
+from jbridge.compilation import programs
+from jbridge.compilation.programs import Program, keep_in
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AbstractForce, parameter
 from jbridge.model.effects.catalogue import KINDS, make_effect
@@ -71,7 +71,7 @@ def test_whatever_changes_the_program_makes_another_one(folder, other):
 
 def test_other_sources_or_versions_have_a_folder_of_their_own(folder, monkeypatch):
     Program(Counted(), (0,))(2, POINT, np.ones(3))
-    monkeypatch.setattr(_programs, "_version", lambda: "another")
+    monkeypatch.setattr(programs, "_version", lambda: "another")
     keep_in(folder)
     function = Counted()
     Program(function, (0,))(2, POINT, np.ones(3))
@@ -81,10 +81,10 @@ def test_other_sources_or_versions_have_a_folder_of_their_own(folder, monkeypatc
 def test_what_has_not_run_for_long_is_removed(folder, monkeypatch):
     Program(Counted(), (0,))(2, POINT, np.ones(3))
     (old,) = folder.iterdir()
-    monkeypatch.setattr(_programs, "_version", lambda: "another")
+    monkeypatch.setattr(programs, "_version", lambda: "another")
     keep_in(folder)
     assert old.exists()
-    monkeypatch.setattr(_programs, "_DAYS_KEPT", -1)
+    monkeypatch.setattr(programs, "_DAYS_KEPT", -1)
     keep_in(folder)
     assert not old.exists()
 
@@ -155,7 +155,7 @@ def test_a_folder_that_cannot_be_written_changes_nothing(folder, monkeypatch):
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(_programs.os, "replace", full)
+    monkeypatch.setattr(programs.os, "replace", full)
     assert Program(Counted(), (0,))(2, POINT, np.ones(3))[2] == 3.0
     assert not list(folder.glob("*/*"))
 
@@ -191,7 +191,7 @@ def test_what_was_forgotten_is_read_again(folder):
     program = Program(counted, (0,))
     first = program(2, POINT, np.ones(3))
     assert len(program._loaded) == 1
-    _programs.forget()
+    programs.forget()
     assert not program._loaded
     again = program(2, POINT, np.ones(3))
     jax.tree.map(np.testing.assert_array_equal, first, again)
@@ -202,22 +202,22 @@ def test_what_was_forgotten_is_read_again(folder):
 def test_programs_are_forgotten_once_a_process_is_large(folder, monkeypatch):
     program = Program(Counted(), (0,))
     program(2, POINT, np.ones(3))
-    monkeypatch.setattr(_programs, "_without", 0.0)
-    monkeypatch.setattr(_programs, "_LARGE", 2.0**50)
-    _programs.forget_if_large()
+    monkeypatch.setattr(programs, "_without", 0.0)
+    monkeypatch.setattr(programs, "_LARGE", 2.0**50)
+    programs.forget_if_large()
     assert program._loaded
-    monkeypatch.setattr(_programs, "_LARGE", 0.0)
-    monkeypatch.setattr(_programs, "_GROWN", 0.0)
-    _programs.forget_if_large()
+    monkeypatch.setattr(programs, "_LARGE", 0.0)
+    monkeypatch.setattr(programs, "_GROWN", 0.0)
+    programs.forget_if_large()
     assert not program._loaded
     # What did not grow since then would not get smaller.
     program(2, POINT, np.ones(3))
-    monkeypatch.setattr(_programs, "_GROWN", 2.0**40)
-    _programs.forget_if_large()
+    monkeypatch.setattr(programs, "_GROWN", 2.0**40)
+    programs.forget_if_large()
     assert program._loaded
-    monkeypatch.setattr(_programs, "_GROWN", 0.0)
+    monkeypatch.setattr(programs, "_GROWN", 0.0)
     # Without a folder they would have to be made anew.
     program(2, POINT, np.ones(3))
-    monkeypatch.setattr(_programs, "_folder", None)
-    _programs.forget_if_large()
+    monkeypatch.setattr(programs, "_folder", None)
+    programs.forget_if_large()
     assert program._loaded

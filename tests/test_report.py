@@ -17,11 +17,11 @@ from jbridge.identification.result import Estimate
 from jbridge.model.files import Model
 from jbridge.report import save as saving
 from jbridge.report.as_json import fit_json, report_json
-from jbridge.report.diagnosis_page import diagnosis_page
+from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery, diagnosis_gallery
 from jbridge.report.files import check_output, write_text
-from jbridge.report.quantities import shown, shown_entries
-from jbridge.report.rows import error_rows, parts
+from jbridge.report.text.quantities import shown, shown_entries
+from jbridge.report.text.rows import error_rows, parts
 from tests import report_cases as cases
 
 VERDICTS = ["missing_physics", "adequate", "unknown"]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jbridge.report.diagnosis_page import diagnosis_page
+from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery
 from jbridge.report.interactive import MOST_POINTS, interactive_part
 from tests import report_cases as cases

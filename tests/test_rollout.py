@@ -10,10 +10,10 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from jbridge._types import AXES
-from jbridge.inputs import drive_inputs
 from jbridge.model.parameters import ParameterTable, with_values
 from jbridge.model.plant import Plant
-from jbridge.rollout import MIDPOINT, RK4, Motions, initial_motion, play, rollout
+from jbridge.simulation.inputs import drive_inputs
+from jbridge.simulation.rollout import MIDPOINT, RK4, Motions, initial_motion, play, rollout
 from tests.problems import (
     CART_ALONE,
     EVERY_AXIS,

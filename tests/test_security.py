@@ -34,7 +34,10 @@ def suspicious(source: str) -> list[str]:
 
 def test_nothing_runs_what_it_reads():
     sources = {path.name: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
-    assert {name: found for name, source in sources.items() if (found := suspicious(source))} == {}
+    # The exported unit is compiled: C from the package's own templates, into which a model brings numbers alone.
+    assert {name: found for name, source in sources.items() if (found := suspicious(source))} == {
+        "fmu.py": ["subprocess"]
+    }
 
 
 @pytest.mark.parametrize(

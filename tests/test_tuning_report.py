@@ -4,8 +4,8 @@ import numpy as np
 
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
-from jbridge.report.tuning import warnings
-from jbridge.summaries import UNITS
+from jbridge.report.control.tuning import warnings
+from jbridge.simulation.summaries import UNITS
 from jbridge.tuning.tune import Tuning
 
 

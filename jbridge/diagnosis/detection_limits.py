@@ -16,12 +16,12 @@ from ..identification.uncertainty import inverse_normal, widened
 from ..model.effects.base import parameters_of, unit_at
 from ..model.effects.catalogue import CATALOGUE
 from ..model.parameters import ParameterTable
-from .candidates import WRONG_VALUE, Candidate
 from .criteria import CRITERIA
 from .result import NotSeen
-from .screening import AmongAll, seen_among_all
-from .space import Name, is_apart, proposals
-from .structure import Structure
+from .selection.screening import AmongAll, seen_among_all
+from .structures.candidates import WRONG_VALUE, Candidate
+from .structures.space import Name, is_apart, proposals
+from .structures.structure import Structure
 from .words import limit_sentence
 
 _NORMAL = 1.645

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from .._threads import one_thread_each
+from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
 from ..identification.evaluation import WINDOW
@@ -19,20 +19,20 @@ from ..identification.uncertainty import as_uncertainty, covariance, estimates, 
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording
-from .candidates import WRONG_VALUE
 from .continuation import continued
 from .criteria import CRITERIA
-from .design import next_experiment
 from .detection_limits import not_seen
-from .holdout import HoldOut, split_off
-from .localization import location, repeatable
-from .moves import axis_of
+from .experiment_design.discrimination import Contender
+from .experiment_design.next_experiment import next_experiment
+from .localization.location import location, repeatable
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
-from .selection import Search, select
-from .separate import Contender
-from .space import make_space
-from .structure import Structure, base_structure
-from .validation import Checked, Fixed, Validation, of_its_own, unopened, validate, whole_errors
+from .selection.moves import axis_of
+from .selection.search import Search, select
+from .structures.candidates import WRONG_VALUE
+from .structures.space import make_space
+from .structures.structure import Structure, base_structure
+from .validation.holdout import HoldOut, split_off
+from .validation.validate import Checked, Fixed, Validation, of_its_own, unopened, validate, whole_errors
 from .words import amount, effect_sentence, verdict_sentence
 
 BUDGET = 300.0

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
 from ..model.names import explanation_name, site_name, spaced
-from .candidates import WRONG_VALUE
 from .result import NamedEffect, Rival
+from .structures.candidates import WRONG_VALUE
 
 _CHANNEL_WORDS = {
     "x": "cart position",

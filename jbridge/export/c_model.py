@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._types import Axes
 from ..errors import InputError
-from ..loop import Sampled, SampledPlant, periods_remembered
 from ..model.files import Model, present
 from ..model.steps import substeps
+from ..simulation.closed_loop import Sampled, SampledPlant, periods_remembered
 from .header import SelfTest, header
 from .translate import Atoms, Translator, literal
 

@@ -17,9 +17,9 @@ from ..model.steps import substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .problem import Setting, free_places, overrides
-from .sensitivity import Engine
+from .sensitivity.engine import Engine
+from .sensitivity.windowed_rollout import Steps
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
-from .windowed_rollout import Steps
 
 _HISTORY = 0.6
 """Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""

@@ -20,9 +20,9 @@ from .estimation import engine_for
 from .likelihood import Index, index, likelihood
 from .problem import Setting, resolve, setting_of
 from .result import Errors
-from .sensitivity import Engine, Job, Sensitivity
+from .sensitivity.engine import Engine, Job, Sensitivity
+from .sensitivity.windowed_rollout import STATES
 from .solver import Start, residual, solve, squares
-from .windowed_rollout import STATES
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 """Horizons of a report [s]."""

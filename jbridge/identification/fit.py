@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .._threads import one_thread_each
+from ..compilation.threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..model.parameters import ParameterTable

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .._threads import one_thread_each
+from ..compilation.threads import one_thread_each
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording

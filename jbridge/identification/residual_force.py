@@ -15,12 +15,12 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from .._programs import kept
 from .._types import AXES, Axes, Scalar
-from ..inputs import Lane, drive_inputs
+from ..compilation.programs import kept
 from ..model.parameters import ParameterTable
 from ..model.plant import Motion, Plant
 from ..recordings import Recording
+from ..simulation.inputs import Lane, drive_inputs
 from .data.grid import Grid
 
 _HALF_WIDTH = {"x": 0.06, "psi": 0.08, "l": 0.06}

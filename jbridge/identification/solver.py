@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..model.parameters import ParameterTable
 from .data.windows import Data
 from .likelihood import Index, Likelihood
-from .sensitivity import Engine, Job, Sensitivity
-from .windowed_rollout import STATES
+from .sensitivity.engine import Engine, Job, Sensitivity
+from .sensitivity.windowed_rollout import STATES
 
 _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _REACH = 3.0

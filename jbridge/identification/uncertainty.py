@@ -11,7 +11,7 @@ from ..model.names import number_name
 from ..model.parameters import Entry, ParameterTable
 from .estimation import Problem
 from .result import Estimate
-from .sensitivity import Engine
+from .sensitivity.engine import Engine
 from .solver import Point, ties
 
 _NORMAL = 1.959964

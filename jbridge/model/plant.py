@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from .._math import sincos
-from .._programs import returned
 from .._types import Axes, Scalar
+from ..compilation.programs import returned
 from .bridge import Bridge, Symmetric
 from .effects.base import (
     AXIS_OF_SITE,

@@ -4,7 +4,6 @@ A recording is refused, with one line that says where and what to do, rather tha
 or assumed about it stands in its notes.
 """
 
-from jbridge.recordings.csv_table import save_csv
 from jbridge.recordings.load import (
     Inspection,
     check_units,
@@ -14,6 +13,7 @@ from jbridge.recordings.load import (
     load_recordings,
 )
 from jbridge.recordings.recording import Recording
+from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
     "Inspection",

@@ -10,7 +10,7 @@ from jbridge.errors import InputError
 from jbridge.recordings.load import ignore, make_reading, refuse
 from jbridge.recordings.recording import Recording
 from jbridge.recordings.sidecar import Sidecar, Where, parse_sidecar
-from jbridge.recordings.table import Table
+from jbridge.recordings.tables.table import Table
 
 
 def recording_from(

@@ -7,10 +7,10 @@ import numpy as np
 
 from jbridge.errors import InputError, listed
 from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
-from jbridge.recordings.columns import CHANNELS, GAINS, Column, near_column
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
-from jbridge.recordings.table import Table
+from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, near_column
+from jbridge.recordings.tables.table import Table
 
 TURN = 2 * np.pi
 

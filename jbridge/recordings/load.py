@@ -10,10 +10,7 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, read_channels
-from jbridge.recordings.columns import Column
-from jbridge.recordings.csv_table import read_csv
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
-from jbridge.recordings.mat_table import read_mat
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility import (
     doubtful_angle,
@@ -25,7 +22,10 @@ from jbridge.recordings.plausibility import (
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
-from jbridge.recordings.table import Table
+from jbridge.recordings.tables.columns import Column
+from jbridge.recordings.tables.csv_table import read_csv
+from jbridge.recordings.tables.mat_table import read_mat
+from jbridge.recordings.tables.table import Table
 
 PathLike = str | os.PathLike[str]
 

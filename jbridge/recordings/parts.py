@@ -7,8 +7,8 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels
-from jbridge.recordings.columns import Column, plain_column
 from jbridge.recordings.sidecar import Sidecar
+from jbridge.recordings.tables.columns import Column, plain_column
 
 MOST_MOTION = 0.02
 """A rope whose length varies by more than this [m] is not locked."""

@@ -22,8 +22,8 @@ from scipy.optimize import nnls
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
-from jbridge.recordings.columns import UNITS
 from jbridge.recordings.recording import MEASURED, Recording
+from jbridge.recordings.tables.columns import UNITS
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""

@@ -21,8 +21,8 @@ from pathlib import Path
 
 from jbridge._toml import read_tables
 from jbridge.errors import InputError, listed, quoted
-from jbridge.recordings.columns import CHANNELS, UNITS, Column, plain_column
 from jbridge.recordings.recording import INPUTS, MEASURED
+from jbridge.recordings.tables.columns import CHANNELS, UNITS, Column, plain_column
 
 SECTIONS = ("columns", "hold", "resolution", "override", "trim", "initial", "locked")
 FOLDER_FILE = "recordings.toml"

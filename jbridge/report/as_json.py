@@ -10,7 +10,7 @@ import numpy as np
 
 from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Errors, Estimate, Fit
-from .rows import parts
+from .text.rows import parts
 
 SCHEMA = 1
 INPUT_FILE = "next_experiment.csv"

@@ -11,10 +11,10 @@ from ..identification.identifiability import Identifiability
 from ..recordings import Inspection, Recording
 from .figures.recordings import draw_recordings
 from .files import PathLike, make_folder, write_bytes, write_text
-from .html import element, page, section, show_all, tag
-from .quantities import digits, join_unit, percent, scale_for
-from .rows import error_text
-from .words import CHANNELS
+from .text.html import element, page, section, show_all, tag
+from .text.quantities import digits, join_unit, percent, scale_for
+from .text.rows import error_text
+from .text.words import CHANNELS
 
 _WIDTH = 80
 _INPUTS = {"u_x": "input of the cart", "u_l": "input of the hoist"}

@@ -12,16 +12,16 @@ from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Estimate, Fit
 from ..prediction import Simulation
 from ..recordings import save_csv
-from .diagnosis_page import diagnosis_summary, errors_table
+from .diagnosis.page import diagnosis_summary, errors_table
 from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
 from .files import PathLike, make_folder
 from .fit_page import fit_summary
-from .html import show, tag
-from .quantities import digits
-from .rows import error_rows, parts
 from .save import save_fit, save_report
-from .terminal import diagnosis_in_short, fit_in_short
-from .words import CHANNELS
+from .text.html import show, tag
+from .text.quantities import digits
+from .text.rows import error_rows, parts
+from .text.terminal import diagnosis_in_short, fit_in_short
+from .text.words import CHANNELS
 
 COLUMNS = ("parameter", "kind", "site", "value", "std", "low", "high", "unit", "status", "probability")
 """Columns of a table of estimates; `kind` and `site` are None for numbers of the bridge."""

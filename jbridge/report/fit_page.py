@@ -1,12 +1,12 @@
 """`fit.html`: the fitted numbers first, then how well they do."""
 
 from ..identification.result import Fit
-from .diagnosis_page import errors_table
+from .diagnosis.page import errors_table
 from .figures.gallery import Gallery, fit_signals
-from .html import bullets, element, page, paragraph, parameter_tables, section, show, show_all, tag
-from .quantities import digits
-from .rows import error_rows, parts
-from .words import CHANNELS, capital, effect_name
+from .text.html import bullets, element, page, paragraph, parameter_tables, section, show, show_all, tag
+from .text.quantities import digits
+from .text.rows import error_rows, parts
+from .text.words import CHANNELS, capital, effect_name
 
 
 def fit_page(fit: Fit, gallery: Gallery) -> str:

@@ -12,9 +12,9 @@ from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Trace
 from .figures.friction_map import KINDS
 from .figures.gallery import choose
-from .quantities import as_list, error_scale, pretty_unit
-from .rows import is_changed, units_of
-from .words import CHANNELS, capital, effect_name, input_units
+from .text.quantities import as_list, error_scale, pretty_unit
+from .text.rows import is_changed, units_of
+from .text.words import CHANNELS, capital, effect_name, input_units
 
 MOST_POINTS = 2000
 """Points of a curve at most."""

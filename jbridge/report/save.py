@@ -9,7 +9,7 @@ from ..identification.result import Fit
 from ..model.files import save_model
 from ..recordings import save_csv
 from .as_json import INPUT_FILE, fit_json, report_json
-from .diagnosis_page import diagnosis_page
+from .diagnosis.page import diagnosis_page
 from .figures.gallery import OWN_NAME, Gallery, diagnosis_gallery, fit_gallery
 from .files import PathLike, make_folder, write_bytes, write_text
 from .fit_page import fit_page

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ..control.base import AbstractController, Reference
 from ..control.fuzzy import FuzzyController
 from ..control.measures import limits_of
-from ..loop import closed_loop, periods_remembered
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
 from ..signals import along, durations
-from ..summaries import UNITS, MoveSummary, is_sound
+from ..simulation.closed_loop import closed_loop, periods_remembered
+from ..simulation.summaries import UNITS, MoveSummary, is_sound
 from .spec import Sweep
 
 _ABREAST = 64

@@ -29,7 +29,7 @@ from .._files import create_text, read_json, replace_text, replacing
 from ..cluster import on_workers
 from ..errors import InputError
 from ..model.parameters import ParameterTable
-from ..summaries import UNITS
+from ..simulation.summaries import UNITS
 from .rollouts import Rollouts
 from .spec import Sweep
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..control.base import AbstractController
 from ..control.measures import limits_of
-from ..summaries import UNITS, MoveSummary
+from ..simulation.summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays
 from .objectives import Goal, late_from

@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from ..collect import AbstractCollector, Everything
 from ..control.base import AbstractController, Reference
-from ..loop import closed_loop, periods_remembered
 from ..model.effects.base import AbstractFriction
 from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..model.steps import substeps
 from ..signals import Path, along, durations
+from ..simulation.closed_loop import closed_loop, periods_remembered
+from ..simulation.collect import AbstractCollector, Everything
 from .objectives import Leg
 
 _along = jax.jit(along)

@@ -10,10 +10,10 @@ from .._types import Axes
 from ..control.compensation import Compensation
 from ..control.files import PERIOD, Controller
 from ..control.linear import StateFeedback
-from ..inputs import Lane
 from ..model.files import Model, requires
 from ..model.plant import Plant
-from ..rollout import RK4, advance, start, timetable
+from ..simulation.inputs import Lane
+from ..simulation.rollout import RK4, advance, start, timetable
 
 _SUBSTEPS = 16
 _SLOW = 1e-6

@@ -14,7 +14,7 @@ from jaxtyping import Array
 from .._math import sincos
 from .._types import Scalar
 from ..control.measures import NEAR
-from ..loop import Response
+from ..simulation.closed_loop import Response
 
 _EVEN = 1e-3
 """Blur of an absolute value [m]: a tenth of what counts as near."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.candidates import WRONG_VALUE, Candidate, candidates
-from jbridge.diagnosis.space import is_apart
+from jbridge.diagnosis.structures.candidates import WRONG_VALUE, Candidate, candidates
+from jbridge.diagnosis.structures.space import is_apart
 from jbridge.identification.problem import Setting, scene_of
 from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect

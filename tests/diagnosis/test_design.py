@@ -5,10 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.design import _gentlest, _separated_by, next_experiment
-from jbridge.diagnosis.plays import FORMS, Play, Wave, library, start_of, variants
-from jbridge.diagnosis.reach import Reach, Volts, reach_of
-from jbridge.diagnosis.separate import (
+from jbridge.diagnosis.experiment_design.discrimination import (
     Contender,
     Separation,
     as_recording,
@@ -17,6 +14,9 @@ from jbridge.diagnosis.separate import (
     log_preferred,
     played,
 )
+from jbridge.diagnosis.experiment_design.inputs import FORMS, Play, Wave, library, start_of, variants
+from jbridge.diagnosis.experiment_design.limits import Reach, Volts, reach_of
+from jbridge.diagnosis.experiment_design.next_experiment import _gentlest, _separated_by, next_experiment
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting

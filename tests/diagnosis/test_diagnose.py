@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from jbridge import diagnose, simulate
-from jbridge.diagnosis.holdout import split_off
+from jbridge.diagnosis.validation.holdout import split_off
 from tests.identification.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
 from tests.problems import make_plant
 

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.moves import refinements, simplifications, with_mechanisms
-from jbridge.diagnosis.space import make_space, proposals
-from jbridge.diagnosis.structure import Structure, base_structure, weighed, with_own_levels
+from jbridge.diagnosis.selection.moves import refinements, simplifications, with_mechanisms
+from jbridge.diagnosis.structures.space import make_space, proposals
+from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.problem import make_setting

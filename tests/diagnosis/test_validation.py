@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.validation import _checked
+from jbridge.diagnosis.validation.validate import _checked
 from jbridge.identification.evaluation import Evaluation
 
 DRAG = ("quadratic_drag", "cart")

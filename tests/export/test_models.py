@@ -17,7 +17,7 @@ from jbridge.export.c import controller_header
 from jbridge.export.models import matlab_function, mujoco_xml, state_space, state_space_module
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
-from jbridge.rollout import RK4, readings, rollout
+from jbridge.simulation.rollout import RK4, readings, rollout
 from jbridge.tuning.linearise import linear_model
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
 

@@ -107,7 +107,7 @@ def test_clean_files_are_not_read_cell_by_cell(write, columns, monkeypatch, quot
     def slow(*_: object) -> None:
         raise AssertionError("a clean file was read cell by cell")
 
-    monkeypatch.setattr("jbridge.recordings.csv_table.parse_carefully", slow)
+    monkeypatch.setattr("jbridge.recordings.tables.csv_table.parse_carefully", slow)
     path = write(columns)
     path.write_text(re.sub(r"[^,\n]+", rf"{quote}\g<0>{quote}", path.read_text()))
     np.testing.assert_array_equal(load_recording(path).x, columns["x"])

@@ -8,7 +8,8 @@ import pytest
 from scipy.io import savemat
 
 from jbridge.errors import InputError
-from jbridge.recordings import load_recording, mat_format
+from jbridge.recordings import load_recording
+from jbridge.recordings.tables import mat_format
 
 
 @pytest.fixture

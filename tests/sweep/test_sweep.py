@@ -10,7 +10,7 @@ import pytest
 
 import jbridge
 from jbridge import InputError
-from jbridge.summaries import UNITS
+from jbridge.simulation.summaries import UNITS
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
 

@@ -15,12 +15,12 @@ from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
 from jbridge.control.measures import moves
 from jbridge.control.paper import paper_controller
-from jbridge.loop import Response
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
 from jbridge.signals import smooth_path
-from jbridge.tracking import track
+from jbridge.simulation.closed_loop import Response
+from jbridge.simulation.tracking import track
 from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered

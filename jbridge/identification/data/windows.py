@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..._types import AXES, Axes
-from ...inputs import Lane
 from ...recordings import Recording
+from ...simulation.inputs import Lane
 from .grid import Grid, grid
 from .initial_states import initial_states
 from .noise import noise_floor

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from matplotlib.figure import FigureBase
 
 from ...model.names import site_name
-from ..quantities import percent
+from ..text.quantities import percent
 from .style import MARK, NOISE, Picture, picture
 
 

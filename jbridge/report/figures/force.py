@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
+from ...diagnosis.localization.missing_force import INPUT_OF
 from ...diagnosis.result import Region
-from ...diagnosis.tracks import INPUT_OF
 from ...identification.result import Trace
-from ..quantities import pretty_unit
-from ..words import variable_name, variable_unit
+from ..text.quantities import pretty_unit
+from ..text.words import variable_name, variable_unit
 from .style import AFTER, BEFORE, SHADE, Picture, picture
 
 FORCES = {

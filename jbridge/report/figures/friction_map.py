@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import FigureBase
 
 from ...identification.result import Estimate
-from ..quantities import as_list, pretty_unit
-from ..words import capital, effect_name
+from ..text.quantities import as_list, pretty_unit
+from ..text.words import capital, effect_name
 from .style import BACKWARDS, FORWARDS, Picture, picture
 
 KINDS = ("position_dependent_friction", "position_direction_friction")

@@ -9,8 +9,8 @@ import numpy as np
 from ...diagnosis.result import Diagnosis, Interval, NamedEffect, Region
 from ...identification.result import Errors, Fit, Trace
 from ...prediction import Simulation
-from ..rows import parts, units_of
-from ..words import AXIS_OF_EQUATION, input_units
+from ..text.rows import parts, units_of
+from ..text.words import AXIS_OF_EQUATION, input_units
 from .evidence import draw_evidence
 from .force import draw_force
 from .friction_map import draw_friction_map

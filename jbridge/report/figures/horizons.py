@@ -7,7 +7,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...diagnosis.result import Horizon
-from ..quantities import scale_for
+from ..text.quantities import scale_for
 from .style import AFTER, BEFORE, Picture, picture
 
 _NAMES = {"x": ("cart position x", "m"), "psi": ("swing angle psi", "rad"), "l": ("rope length l", "m")}

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
-from ...diagnosis.describe import most_telling
+from ...diagnosis.localization.symmetries import most_telling
 from ...diagnosis.result import Location, MissingForce
 from ...identification.result import Trace
-from ..quantities import pretty_unit
-from ..words import variable_name, variable_unit
+from ..text.quantities import pretty_unit
+from ..text.words import variable_name, variable_unit
 from .force import FORCES, values_of
 from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, SHADE, Picture, picture, shortened
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ...diagnosis.result import Interval
 from ...identification.result import Trace
-from ..quantities import error_scale, times_noise
-from ..rows import error_text
+from ..text.quantities import error_scale, times_noise
+from ..text.rows import error_text
 from .style import AFTER, BEFORE, NOISE, SHADE, Picture, drawable, picture, shortened
 
 _NAMES = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}

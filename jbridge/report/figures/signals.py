@@ -8,7 +8,7 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...identification.result import Trace
-from ..quantities import Scale, pretty_unit
+from ..text.quantities import Scale, pretty_unit
 from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
 
 _AXES = {

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from jbridge.model.parameters import ParameterTable
-from jbridge.rollout import RK4, readings, rollout
+from jbridge.simulation.rollout import RK4, readings, rollout
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
 
 pytest.importorskip("mujoco")

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from jbridge._types import AXES, Axes
-from jbridge.inputs import drive_inputs
 from jbridge.model.effects.base import (
     AXIS_OF_SITE,
     SITES,
@@ -25,7 +24,8 @@ from jbridge.model.effects.base import (
 )
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
 from jbridge.model.plant import Motion
-from jbridge.rollout import MIDPOINT, Motions, readings, rollout
+from jbridge.simulation.inputs import drive_inputs
+from jbridge.simulation.rollout import MIDPOINT, Motions, readings, rollout
 from tests.problems import (
     NUMBERS,
     PERIOD,

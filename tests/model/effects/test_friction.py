@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jbridge.model.effects.catalogue import make_effect
-from jbridge.rollout import MIDPOINT, RK4
+from jbridge.simulation.rollout import MIDPOINT, RK4
 from tests.model.stick_slip import StickSlip
 from tests.problems import (
     CART_ALONE,

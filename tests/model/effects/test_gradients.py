@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from jbridge.model.parameters import ParameterTable, bridge_keys
-from jbridge.rollout import MIDPOINT, readings, rollout
+from jbridge.simulation.rollout import MIDPOINT, readings, rollout
 from tests.problems import MECHANISMS, PLACES, Everything, example, lively_inputs, make_lane, make_plant, make_state
 
 COUNT = 60

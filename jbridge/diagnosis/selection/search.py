@@ -1,0 +1,239 @@
+"""The search for a structure: proposals are cheap and linear, judgement is by simulation and one criterion.
+
+A model is a set of effects beside what was given. In each round every effect that it lacks is weighed by a linear
+screen (the criterion on the quadratic model of every window), the best are refitted together on some windows, the best
+of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left out,
+replaced by a simpler law or a rival, or a known number is set free. Every fit climbs from short windows, which are
+nearly linear, to long ones. The search ends when no move lowers the criterion, or when every channel is met.
+"""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from ...compilation.programs import forget_if_large
+from ...identification.data.windows import WHOLE
+from ...identification.estimation import Problem
+from ...identification.solver import Start
+from ..criteria import CRITERIA
+from ..structures.candidates import WRONG_VALUE
+from ..structures.space import Name, is_apart, proposals
+from ..structures.structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
+from .moves import (
+    AT_ONCE,
+    Move,
+    added,
+    axis_of,
+    refinements,
+    removals,
+    replacements,
+    simplifications,
+    together,
+    with_mechanisms,
+)
+from .screening import seen_among_all
+
+_SOME = 3
+"""Recordings on which proposals are screened and first refitted."""
+_SHORT = 1.0
+"""Horizon [s] on which they are, beside whole recordings: long enough to show forces, and nearly linear."""
+_POLISH, _LAST = 3, 12
+"""Iterations of a fit to all windows, and of the chosen one's."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """What a search held, one model after the other, and what it tried beside each."""
+
+    problem: Problem
+    held: tuple[Structure, ...]
+    tried: tuple[tuple[Structure, ...], ...]
+    """Models fitted to all windows in the round that began at each of `held`."""
+    stopped: str
+    """`criterion`, `budget` or `interrupted`."""
+
+
+def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadline: float) -> Search:
+    """Searches from a base until no move lowers the criterion, or time is over.
+
+    Args:
+        problem: recordings and criterion.
+        base: the fitted model as given, see `base_structure`.
+        tell: takes a line on what is being done.
+        deadline: of `time.monotonic` [s].
+    """
+    held: list[Structure] = [base]
+    tried: list[tuple[Structure, ...]] = []
+    seen = {frozenset(base.free)}
+    runners_up: dict[Name, Structure] = {}
+    stopped = "criterion"
+    for number in range(CRITERIA.rounds):
+        now = held[-1]
+        problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
+        # What a larger model gains must not be what more iterations gain.
+        [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
+        point = problem.solved_anew(now.space.engine, point)
+        now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
+        so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
+        tell(f"round {number + 1}: looking beyond {so_far}")
+        try:
+            found = _smaller(problem, base, now, runners_up, seen, deadline)
+            if not leaves_nothing(problem, now):
+                found += _larger(problem, base, now, not number, seen, deadline)
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+            break
+        better = [s for s in found if accepts(now, s)]
+        tried.append(tuple(sorted(found, key=lambda s: s.value)))
+        if time.monotonic() > deadline:
+            stopped = "budget"
+        if better:
+            best = min(better, key=lambda s: s.value)
+            runners_up |= _next_to(now, best, better)
+            held.append(best)
+            seen.add(frozenset(best.free))
+        if not better or stopped == "budget":
+            break
+        forget_if_large()
+    if stopped != "interrupted":
+        [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
+        held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
+    return Search(problem, tuple(held), tuple(tried), stopped)
+
+
+def _next_to(now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
+    """The best model that adds another effect than the best one does on the same axis, by that effect."""
+    if best.names[:-1] != now.names:
+        return {}
+    new = best.names[-1]
+    others = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
+    others = [s for s in others if s.names[-1] != new and axis_of(s.names[-1]) == axis_of(new)]
+    return {new: min(others, key=_value)} if others else {}
+
+
+def _smaller(
+    problem: Problem,
+    base: Structure,
+    now: Structure,
+    runners_up: Mapping[Name, Structure],
+    seen: set[frozenset[str]],
+    deadline: float,
+) -> list[Structure]:
+    """The model without one of its effects, or with a simpler law or a rival in its place, fitted."""
+    moves = [*removals(problem, base, now), *simplifications(problem, base, now)]
+    moves += replacements(problem, base, now, runners_up)
+    return _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+
+
+def _larger(
+    problem: Problem, base: Structure, now: Structure, first: bool, seen: set[frozenset[str]], deadline: float
+) -> list[Structure]:
+    """All models with one effect or one finer law more that were worth a fit to all windows, fitted; the best of them
+    with others' effects beside it."""
+    short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
+    # Short windows show forces, whole recordings what adds up.
+    part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
+    begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
+    # Shapes of effects show beside what is best on the same windows.
+    [there] = part.solve(now.space.engine, [begun], _POLISH)
+    among = seen_among_all(problem, part, dataclasses.replace(now, point=there))
+    every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
+    names = {c.name for c in every}
+    choice = {
+        name: math.log(len(names)) + math.log(sum(c.name == name for c in every if not is_apart(c.kind)) or 1)
+        for name in names
+    }
+    moves, later = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+    moves += refinements(problem, base, now, moves)
+    found: list[Structure] = []
+    good: list[Structure] = []
+    # What promises most may be what imitates best: then it does not gain on blocks that are left out, and what
+    # promises less is looked at, too.
+    while moves and not good:
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        found += tried
+        good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
+        moves, later = later[:AT_ONCE], later[AT_ONCE:]
+    if good:
+        [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
+        found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
+        others = [s for s in good[1:] if _told_apart(now, s, found)]
+        best = _with_other_axes(problem, now, good[0], others, seen, deadline)
+        if best is not good[0]:
+            found.append(best)
+            good.insert(0, best)
+    # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
+    # simpler leaves nothing.
+    if not good or (first and not leaves_nothing(problem, good[0])):
+        apart = [c for c in every if is_apart(c.kind)]
+        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
+        found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+    return found
+
+
+def _told_apart(now: Structure, then: Structure, tried: Sequence[Structure]) -> bool:
+    """Whether no other addition on its axis comes near an added effect."""
+
+    def axes(structure: Structure) -> set[str]:
+        return {axis_of(name) for name in structure.names if name not in now.names}
+
+    near = math.log(1.0 / CRITERIA.apart)
+    rivals = [s.value for s in tried if s is not then and axes(s) & axes(then)]
+    return bool(axes(then)) and min(rivals, default=math.inf) > then.value + near
+
+
+def _with_other_axes(
+    problem: Problem,
+    now: Structure,
+    best: Structure,
+    others: Sequence[Structure],
+    seen: set[frozenset[str]],
+    deadline: float,
+) -> Structure:
+    """The best model with what others add on other axes, one after the other, as long as it gains."""
+    taken = {axis_of(name) for name in best.names if name not in now.names}
+    for other in others if taken else ():
+        [new] = set(other.names) - set(now.names)
+        if axis_of(new) in taken:
+            continue
+        taken.add(axis_of(new))
+        move = together(problem, now, best, other)
+        if move.numbers not in seen:
+            joined = _all_fitted(problem, [move], best, deadline)
+            best = min([best, *(s for s in joined if accepts(best, s))], key=_value)
+    return best
+
+
+def _value(structure: Structure) -> float:
+    return structure.value
+
+
+def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
+    """Moves fitted to all windows."""
+
+    def fitted(move: Move) -> Structure | None:
+        if time.monotonic() > deadline:
+            return None
+        engine, start = move.space.engine, move.start
+        low = problem.shortest()
+        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _POLISH)
+        climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
+        begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
+        [point] = problem.solve(engine, [begun.start], _POLISH)
+        restarted = False
+        if point.value > now.point.value and move.absent is not None:
+            # What fits short windows may run away in long ones: then the effect grows from its absence, where the
+            # model is as good as the one that it contains.
+            restarted = True
+            absent = Start(move.absent, start.free, now.point.states)
+            point = min(point, *problem.solve(engine, [absent], _POLISH), key=lambda p: p.value)
+        structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
+        # One that gains nothing needs no price.
+        return weighed(problem, structure) if point.value < now.value else structure
+
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        return [structure for structure in pool.map(fitted, moves) if structure is not None]

@@ -1,0 +1,212 @@
+"""Fitted models that are compared: what was added, what it costs, and the criterion by block."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...identification.estimation import Problem
+from ...identification.solver import Normal, Point, bounded_step, ties
+from ...model.plant import Plant
+from ..criteria import CRITERIA
+from .candidates import WRONG_VALUE
+from .space import Name, Space, happens_once
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Structure:
+    """One fitted model of a search."""
+
+    space: Space
+    """With a program of its own."""
+    names: tuple[Name, ...]
+    """What was added, in the order in which it was."""
+    keys: dict[Name, tuple[str, ...]]
+    """Keys that are free of each."""
+    choices: dict[Name, float]
+    """Logarithm of the number of alternatives among which each was chosen."""
+    point: Point
+    blocks: NDArray[np.float64]
+    """The criterion by block, each left out in turn."""
+    price: float
+    """What its numbers and the choices behind it must gain."""
+    restarted: bool = False
+    """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
+
+    @property
+    def value(self) -> float:
+        """The criterion with its price."""
+        return self.point.value + self.price
+
+    @property
+    def plant(self) -> Plant:
+        return self.space.table.unravel(self.point.vector)
+
+    @property
+    def known(self) -> frozenset[str]:
+        return self.space.known
+
+    @property
+    def free(self) -> list[str]:
+        """Names of the estimated numbers, entries of lists one by one."""
+        return [self.space.table.entry(int(p)).name for p in self.point.free]
+
+    def places(self, name: Name) -> list[int]:
+        """Where the free parameters of an added effect stand."""
+        groups = [name[1]] if name[0] == WRONG_VALUE else [f"{name[0]}@{name[1]}.{key}" for key in self.keys[name]]
+        free = set(self.point.free.tolist())
+        return [p for group in groups for p in self.space.table.positions(group) if p in free]
+
+
+def base_structure(problem: Problem, space: Space, point: Point) -> Structure:
+    """A structure with nothing added, from its fitted point."""
+    return weighed(problem, Structure(space, (), {}, {}, point, np.zeros(0), 0.0))
+
+
+def weighed(problem: Problem, structure: Structure) -> Structure:
+    """A structure with its price, and its criterion by block."""
+    space, point = structure.space, structure.point
+    [normal] = problem.normal(space.engine, [point])
+    numbers = _numbers(problem, structure, normal)
+    price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
+    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal))
+
+
+def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
+    """Added numbers; those of a map by its effective degrees of freedom: no place counts that is not visited."""
+    free, n = structure.point.free, len(structure.point.free)
+    added = [int(np.flatnonzero(free == p)[0]) for name in structure.names for p in structure.places(name)]
+    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(structure.point.square), normal.products)[:n, :n]
+    tied = ties(structure.space.table, free, np.diag(total))
+    levels = {int(i) for members in structure.space.table.vectors(free) for i in members}
+    unit = np.sqrt(np.maximum(np.diag(total + tied), 1e-150))
+    scaled = (total + tied) / np.outer(unit, unit) + 1e-12 * np.eye(n)
+    share = np.diag(np.linalg.solve(scaled, total / np.outer(unit, unit)))
+    return float(sum(np.clip(share[i], 0.0, 1.0) if i in levels else 1.0 for i in added))
+
+
+_LEVELS = ("positive", "negative", "levels")
+"""Keys of the levels of a friction law, to each of which a plain friction of the axis adds its own."""
+
+
+def with_own_levels(structure: Structure) -> Structure:
+    """The same laws with the smallest level of each added friction at zero and held there, where a plain friction
+    beside it takes what is common to all: its level and theirs could not be told apart otherwise."""
+    table, vector = structure.space.table, structure.point.vector.copy()
+    free = [int(p) for p in structure.point.free]
+    for kind, site in structure.names:
+        plain = f"coulomb_friction@{site}.level"
+        # All levels of the law, be they free or not: one that is held is their reference already.
+        own = {f"{kind}@{site}.{key}" for key in _LEVELS}
+        places = [p for group, found in table.of_site(site).items() if group in own for p in found]
+        if kind == "coulomb_friction" or not places or plain not in table.names():
+            continue
+        [common] = table.positions(plain)
+        smallest = min(places, key=lambda p: vector[p])
+        if common in free and set(places) <= set(free):
+            vector[common] += vector[smallest]
+            vector[places] -= vector[smallest]
+            free.remove(smallest)
+    point = dataclasses.replace(structure.point, vector=vector, free=np.array(free, np.int64))
+    return dataclasses.replace(structure, point=point)
+
+
+def accepts(now: Structure, then: Structure) -> bool:
+    """Whether another model takes the place of one: the criterion is lower, and what a larger model gains, it gains
+    on blocks that are left out, too. Effects that imitate what has no name gain on those from which they are
+    estimated."""
+    if not then.value < now.value:
+        return False
+    added = set(then.names) - set(now.names)
+    if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
+        return True
+    steady, _ = steadiness(now.blocks - then.blocks)
+    return steady > CRITERIA.sure
+
+
+_KNOWN = 2
+"""Blocks that the variance of noise counts for."""
+
+
+def steadiness(gain: NDArray[np.float64]) -> tuple[float, int]:
+    """How steadily a model gains over blocks: a mean over its standard error, and that one's degrees of freedom.
+
+    The mean is of the signed root of twice the gain, which grows with an effect, and to which noise gives a variance of
+    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. There may be
+    two blocks: the variance of noise is known beforehand like one that some more of them have shown.
+    """
+    root = np.sign(gain) * np.sqrt(2.0 * np.abs(gain))
+    freedom = _KNOWN + len(root) - 1
+    variance = (_KNOWN + float(np.sum((root - root.mean()) ** 2))) / freedom
+    return float(root.mean()) / math.sqrt(max(variance, 1.0) / len(root)), freedom
+
+
+def leaves_nothing(problem: Problem, structure: Structure) -> bool:
+    """Whether every channel is met at every horizon, as a verdict asks for it: then nothing is missing that shows."""
+    windows, point = problem.windows, structure.point
+    for horizon in problem.data.horizons:
+        own = windows.horizon == horizon
+        count = windows.count[own].sum(axis=0)
+        mean = (point.square[own] * windows.count[own]).sum(axis=0) / np.maximum(count, 1.0)
+        if mean.max() > CRITERIA.met**2:
+            return False
+    return True
+
+
+def blocks_of(problem: Problem) -> NDArray[np.int64]:
+    """The block of each window: its recording where there are six, else a stretch of it; -1 where it spans several."""
+    windows, data = problem.windows, problem.data
+    if len(data.grids) >= 6:
+        return windows.recording.copy()
+    length = max(CRITERIA.block, 2.0 * _swing_period(problem))
+    out = np.full(len(windows.recording), -1)
+    first = 0
+    for r, grid in enumerate(data.grids):
+        count = max(1, int(grid.times[-1] / length))
+        own = windows.recording == r
+        time = grid.times[np.minimum(windows.begin[own], grid.intervals)]
+        whole = np.isinf(windows.horizon[own])
+        out[own] = np.where(whole, -1, first + np.minimum((time / grid.times[-1] * count).astype(int), count - 1))
+        first += count
+    return out
+
+
+def _swing_period(problem: Problem) -> float:
+    if "psi" not in problem.setting.axes:
+        return 0.0
+    return 2.0 * math.pi * math.sqrt(problem.setting.length / 9.81)
+
+
+def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
+    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit.
+
+    The step is what the block itself takes away: what all blocks together still ask for is part of no judgement.
+    """
+    blocks = blocks_of(problem)
+    weight, scale = problem.likelihood.weights(point.square), problem.likelihood.scale(point.square)
+    n = len(point.free)
+    each = np.einsum("wc,wcij->wij", weight, normal.products)
+    total = each.sum(axis=0)
+    tied = ties(space.table, point.free, np.diag(total)[:n])
+    low, high = space.table.bounds()
+    at = point.vector[point.free]
+    least, most = low[point.free] - at, high[point.free] - at
+
+    def asked(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return bounded_step(sums[:n, :n] + tied, sums[:n, n] + tied @ at, least, most, 1e-6)
+
+    every = asked(total)
+    out = []
+    for block in range(int(blocks.max()) + 1):
+        own = blocks == block
+        step = np.clip(asked(total - each[own].sum(axis=0)) - every, least, most)
+        square = squares(problem, normal.products, step)
+        out.append(float(problem.likelihood.by_window(square, scale)[own].sum()))
+    return np.array(out)
+
+
+def squares(problem: Problem, products: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    along = np.append(step, 1.0)
+    total = np.einsum("wcij,i,j->wc", products, along, along)
+    return np.maximum(total, 0.0) / np.maximum(problem.likelihood.count, 1.0)

@@ -1,0 +1,1 @@
+"""The hold-out, and what it says of a model whose structure is fixed."""

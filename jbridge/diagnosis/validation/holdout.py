@@ -1,0 +1,46 @@
+"""Recordings that prove a model, closed until its structure is fixed; taken from the others where none was given."""
+
+from collections.abc import Sequence
+
+from ...errors import InputError
+from ...identification.data.thinning import thinned
+from ...recordings import Recording
+
+
+class HoldOut:
+    """Recordings that take no part in the choice of a model.
+
+    Only the validation opens them (`tests/test_architecture.py` holds this); no fit and no search is given one.
+    """
+
+    def __init__(self, recordings: Sequence[Recording]):
+        self.names = tuple(recording.name for recording in recordings)
+        self._recordings = tuple(recordings)
+
+    def open(self) -> tuple[Recording, ...]:
+        return tuple(map(thinned, self._recordings))
+
+
+def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
+    """The last quarter of the recordings, or of the time of a single one, as hold-out."""
+    if len(recordings) > 1:
+        count = max(1, len(recordings) // 4)
+        names = ", ".join(r.name for r in recordings[-count:])
+        return (
+            tuple(recordings[:-count]),
+            tuple(recordings[-count:]),
+            f"No hold-out was given: {names} took no part in the choice and serves as one.",
+        )
+    only = recordings[0]
+    cut = int(0.75 * len(only.times))
+    if min(cut, len(only.times) - cut) < 50:
+        raise InputError(
+            f"{only.name}: {len(only.times)} rows are too few to keep a quarter of them as hold-out; "
+            "record longer, or give another recording with --holdout"
+        )
+    return (
+        (only.rows(slice(None, cut)),),
+        (only.rows(slice(cut, None)),),
+        f"There is one recording: its last quarter, from {only.times[cut] - only.times[0]:.3g} s, took no part in the "
+        "choice and serves as hold-out.",
+    )

@@ -1,0 +1,335 @@
+"""What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
+
+Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
+the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
+some channel, it explains more than what is left without a name: that, too, is a force that hold-outs repeat, and
+whatever effect is most like it imitates a part of it. Channels are not added up: what one of them cannot explain says
+nothing of another, and their noise, which a fine encoder makes as small as one likes, is no common unit.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from ...identification.data.windows import WHOLE, make_data
+from ...identification.estimation import Problem, engine_for
+from ...identification.evaluation import Evaluation, Judge, make_judge, scatter
+from ...identification.likelihood import Likelihood, likelihood
+from ...identification.problem import Setting
+from ...identification.sensitivity.engine import Engine
+from ...identification.solver import Point, Start
+from ...model.parameters import ParameterTable
+from ...model.plant import Plant
+from ...recordings import Recording
+from ..criteria import CRITERIA
+from ..structures.candidates import WRONG_VALUE
+from ..structures.space import Name, happens_once, is_apart
+from ..structures.structure import Structure, steadiness
+from .holdout import HoldOut
+
+_COMPARED = (0.3, 1.0, 3.0, WHOLE)
+"""Horizons on which models are compared, those of the criterion."""
+_REFIT = 8
+"""Iterations of a fit without one of the effects."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Checked:
+    """What the hold-out says of one effect."""
+
+    name: Name
+    status: str
+    """`confirmed`, `suggested`, or `event` for what happened once, in the recordings alone."""
+    explained: float | None
+    """Share of the hold-out's excess squared error that comes back without it, as a mean over the channels in which
+    any exceeds the noise; None where there is none."""
+    loss: float
+    """Of the criterion on the hold-out without it [nat],"""
+    steady: float
+    """and the mean over blocks of its signed root, over the standard error."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fixed:
+    """A model of fixed structure, fitted, with its own program."""
+
+    plant: Plant
+    names: tuple[Name, ...]
+    engine: Engine
+    point: Point
+
+    @property
+    def table(self) -> ParameterTable:
+        return self.engine.table
+
+
+@dataclasses.dataclass(frozen=True)
+class Validation:
+    """The hold-out's answer."""
+
+    checked: tuple[Checked, ...]
+    given: Fixed
+    """The model as given, refitted."""
+    final: Fixed
+    """The model with everything that was named but events."""
+    before: Evaluation
+    """Of the model as given, refitted, on the hold-out,"""
+    after: Evaluation
+    """and of the final model."""
+    train_before: Evaluation
+    train_after: Evaluation
+    explained: dict[str, float]
+    """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel in which
+    it is larger than the noise."""
+    scatter: dict[float, dict[str, float] | None]
+    """Of repeated inputs, by horizon."""
+
+    @property
+    def confirmed(self) -> tuple[Checked, ...]:
+        return tuple(c for c in self.checked if c.status == "confirmed")
+
+    def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float]:
+        """Error over what the true model would leave, or over measured scatter where that is larger: the largest, its
+        channel and horizon."""
+        out = (0.0, "", 0.0)
+        for run in evaluations:
+            for horizon in run.horizons:
+                spread = self.scatter.get(horizon) or {}
+                foreseen, errors = run.foreseen(horizon), run.errors(horizon)
+                for axis, error in errors.items():
+                    ratio = error / max(foreseen[axis], spread.get(axis, 0.0))
+                    if ratio > out[0]:
+                        out = (ratio, axis, horizon)
+        return out
+
+    @property
+    def verdict(self) -> tuple[str, bool]:
+        """The verdict, and whether what remains is noise or measured scatter."""
+        worst, _, _ = self.worst((self.after, self.train_after))
+        met = worst <= CRITERIA.met
+        if self.confirmed and np.mean(list(self.explained.values()) or [0.0]) > CRITERIA.named:
+            return "missing_physics", met
+        if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
+            return "adequate", True
+        return "unknown", False
+
+
+def validate(
+    problem: Problem,
+    base: Structure,
+    found: Structure,
+    sealed: HoldOut,
+    tell: Callable[[str], None],
+) -> Validation:
+    """Opens the hold-out.
+
+    Args:
+        problem: the recordings and the criterion.
+        base: the model as given, refitted.
+        found: the model that was chosen.
+        sealed: recordings that took no part.
+        tell: takes a line on what is being done.
+    """
+    setting = problem.setting
+    tell("validating on the hold-out")
+    holdout = sealed.open()
+    samples = problem.data.samples
+    judge = make_judge(setting, holdout, setting.noise, samples=samples)
+    own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
+    given, before = _given(problem, base, judge)
+    final = of_its_own(found) if found.names else given
+    train_before = own.evaluate(given.plant, given.engine)
+    if not found.names:
+        scatters = _scatters(problem, holdout, before)
+        return Validation((), given, given, before, before, train_before, train_before, {}, scatters)
+    complete = judge.evaluate(final.plant, final.engine)
+    criterion = likelihood(complete.data, complete.windows, complete.left)
+    blocks = _blocks(setting, complete)
+    checked = []
+    for name in found.names:
+        tell(f"leaving out {name[0]} ({name[1]})")
+        reduced = _refitted(problem, final, base, [name])
+        run = judge.evaluate(reduced.plant, reduced.engine)
+        loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
+        checked.append(_checked(name, loss, before, complete, run))
+    events = [c.name for c in checked if c.status == "event"]
+    if events:
+        final = _refitted(problem, final, base, events, own=True)
+        complete = judge.evaluate(final.plant, final.engine)
+    doubtful = [c.name for c in checked if c.status == "suggested"]
+    sure = complete if not doubtful else before
+    if doubtful and len(doubtful) < len(final.names):
+        reduced = _refitted(problem, final, base, doubtful)
+        sure = judge.evaluate(reduced.plant, reduced.engine)
+    return Validation(
+        tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
+        given,
+        final,
+        before,
+        complete,
+        train_before,
+        own.evaluate(final.plant, final.engine),
+        _explained(before, sure),
+        _scatters(problem, holdout, before),
+    )
+
+
+def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Evaluation]:
+    """The model as given with the numbers that leave the hold-out's squared error smaller: fitted as all models are, or
+    by least squares, so that nothing is explained that another fit would have closed."""
+    squares = dataclasses.replace(problem, likelihood=problem.likelihood.of_squares())
+    [point] = squares.solve(base.space.engine, [base.point.start], _REFIT)
+    found = []
+    for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
+        run = judge.evaluate(each.plant, each.space.engine)
+        ratios = run.ratios(_one_second(run))
+        found.append((sum(r * r for r in ratios.values()), of_its_own(each), run))
+    _, given, before = min(found, key=lambda f: f[0])
+    return given, before
+
+
+def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
+    """What is known of an interrupted search: the recordings beside the model as given and what was found."""
+    own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
+    final = of_its_own(found)
+    before = own.evaluate(base.plant, base.space.engine)
+    after = own.evaluate(final.plant, final.engine)
+    checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
+    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
+
+
+def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:
+    """Share of the excess squared error that a model closes, by channel in which it is larger than the noise.
+
+    Args:
+        before: the model as given.
+        after: the model of which it is told.
+        beside: one that is compared with it in place of the model as given.
+    """
+    horizon, axes = _shown(before)
+    first, last, other = (run.excess(horizon) for run in (before, after, beside or before))
+    return {axis: (other[axis] - last[axis]) / max(first[axis], other[axis]) for axis in axes}
+
+
+def _one_second(run: Evaluation) -> float:
+    """The horizon of 1 s, or the nearest that the recordings are long enough for."""
+    return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
+
+
+def _shown(before: Evaluation) -> tuple[float, list[str]]:
+    """The horizon of 1 s, and the channels whose excess is larger than the noise there; the next longer horizon where
+    there is none."""
+    nearest = _one_second(before)
+    for horizon in (h for h in before.horizons if h >= nearest):
+        axes = [axis for axis, ratio in before.ratios(horizon).items() if ratio**2 - 1.0 > 1.0]
+        if axes:
+            return horizon, axes
+    return nearest, []
+
+
+def _checked(
+    name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
+) -> Checked:
+    total, (steady, freedom) = float(loss.sum()), steadiness(loss)
+    own, closed = _explained(before, complete, run), _explained(before, complete)
+    nameless = bool(own) and all(own[axis] <= 1.0 - closed[axis] for axis in own)
+    explained = float(np.mean(list(own.values()))) if own else None
+    # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
+    if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:
+        return Checked(name, "confirmed", explained, total, steady)
+    once = happens_once(name[0]) and total <= 0.0
+    return Checked(name, "event" if once else "suggested", explained, total, steady)
+
+
+_NORMAL_SHARE = 0.977250
+"""Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
+
+
+def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
+    """The block of each window of the compared horizons; -1 where it is of none."""
+    period = 0.0
+    if "psi" in setting.axes:
+        period = 2.0 * math.pi * math.sqrt(setting.length / 9.81)
+    out = np.full(len(run.windows.recording), -1)
+    compared = np.isin(run.windows.horizon, _COMPARED)
+    if len(run.data.grids) >= 6:
+        return np.where(compared, run.windows.recording, -1)
+    first = 0
+    for r, grid in enumerate(run.data.grids):
+        end = float(grid.times[-1])
+        count = max(1, int(end / max(CRITERIA.block, 2.0 * period)))
+        own = compared & (run.windows.recording == r) & (~np.isinf(run.windows.horizon) | (count == 1))
+        time = grid.times[np.minimum(run.windows.begin[own], grid.intervals)]
+        out[own] = first + np.minimum((time / end * count).astype(int), count - 1)
+        first += count
+    return out
+
+
+def _by_block(criterion: Likelihood, run: Evaluation, blocks: NDArray[np.int64]) -> NDArray[np.float64]:
+    value = criterion.by_window(run.square).sum(axis=1)
+    return np.array([value[blocks == b].sum() for b in range(int(blocks.max()) + 1)])
+
+
+def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -> dict[float, dict[str, float] | None]:
+    every = make_data([*problem.data.recordings, *holdout], (WHOLE,), problem.setting.noise)
+    return {horizon: scatter(every, horizon) for horizon in run.horizons}
+
+
+# ------------------------------------------------------------------ fits without an effect
+
+
+def whole_errors(problem: Problem, model: Fixed, sealed: HoldOut) -> dict[str, float]:
+    """Root-mean-square error of a model on whole recordings of the hold-out, by channel."""
+    judge = make_judge(problem.setting, sealed.open(), problem.setting.noise, (WHOLE,), samples=problem.data.samples)
+    return judge.evaluate(model.plant, model.engine).errors(WHOLE)
+
+
+def of_its_own(structure: Structure) -> Fixed:
+    """A structure that no search changes any more."""
+    return Fixed(structure.plant, structure.names, structure.space.engine, structure.point)
+
+
+def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name], own: bool = False) -> Fixed:
+    """A model without some of its added effects, fitted again.
+
+    The model's own program serves where these have null values; mechanisms have none.
+
+    Args:
+        problem: the recordings.
+        model: with the effects.
+        base: the model as given, refitted.
+        left: what is left out.
+        own: whether the model no longer has them, not even with null values.
+    """
+    table = model.table
+    vector, apart = model.point.vector.copy(), [name for name in left if own or is_apart(name[0])]
+    if len(model.names) == len(left):
+        # The model as given stands at its own optimum.
+        there = ParameterTable(base.plant)
+        values = np.array(there.ravel(base.plant), dtype=float)
+        for name in there.names():
+            vector[table.positions(name)] = values[there.positions(name)]
+    free = []
+    for place in map(int, model.point.free):
+        entry = table.entry(place)
+        kind, site = entry.group.rpartition(".")[0].split("#")[0].partition("@")[::2]
+        if (WRONG_VALUE, entry.group) in left:
+            vector[place] = getattr(base.plant.bridge, entry.group)
+        elif (kind, site) in left:
+            vector[place] = entry.info.null
+        else:
+            free.append(entry.name)
+    plant, engine = table.unravel(vector), model.engine
+    if apart:
+        plant = Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) not in apart))
+        engine = engine_for(problem.setting, problem.data, plant)
+    places = np.array([engine.table.positions(name)[0] for name in free], np.int64)
+    states = base.point.states if len(model.names) == len(left) else model.point.states
+    start = Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
+    [point] = problem.solve(engine, [start], _REFIT)
+    fitted = engine.table.unravel(point.vector)
+    return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)

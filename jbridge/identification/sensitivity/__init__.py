@@ -1,0 +1,1 @@
+"""Predictions of windows and their derivatives by parameters and initial states."""

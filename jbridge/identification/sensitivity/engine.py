@@ -1,0 +1,214 @@
+"""Predictions of windows and their forward sensitivities, for many parameter vectors at once.
+
+Forward mode, since a fit has few parameters and many residuals: one tangent for each free parameter and one for each
+coordinate and velocity of a window's beginning. A window's tangents end where the next one begins, so that those six
+columns (fewer where an axis does not move) serve all windows of a recording together. Which parameters are free is data
+as well.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.parameters import ParameterTable
+from ...model.plant import Plant
+from ..data.windows import Course
+from .windowed_rollout import STATES, Lanes, Steps, predicted, predicted_with_tangents
+
+_WIDEST = 24
+"""Most parameter columns of a call; more are taken in several."""
+_LANES = 8
+"""Most simulations of a call. They share the cost of a step; more gain nothing."""
+_TANGENT_LANES = 4
+"""The same where tangents are wanted, of which each simulation has a dozen or two."""
+_THREADS = max(1, min(2, os.cpu_count() or 1))
+
+
+class Job(NamedTuple):
+    """One simulation of a recording."""
+
+    vector: NDArray[np.float64]
+    """All parameters of the plant."""
+    recording: int
+    begins: NDArray[np.int64]
+    """Samples at which windows begin,"""
+    states: NDArray[np.float64]
+    """and the readings and their rates there, `(window, 6)`."""
+    free: NDArray[np.int64] = np.zeros(0, np.int64)
+    """Places of the parameters whose tangents are wanted."""
+
+
+class Sensitivity(NamedTuple):
+    """What a job gives, on the recording's grid."""
+
+    predicted: NDArray[np.float64]
+    """Readings, `(sample, 3)`."""
+    columns: tuple[NDArray[np.float64], ...]
+    """Their derivatives by the free parameters and by the six numbers of a beginning, each `(3, sample)`; 0 where a
+    simulation runs away."""
+
+    @property
+    def tangents(self) -> NDArray[np.float64]:
+        """The same as one array, `(column, sample, 3)`."""
+        return np.moveaxis(np.stack(self.columns), 1, 2)
+
+
+class Engine:
+    """Compiled simulations of one plant structure, or of all structures that lack some of its effects."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        courses: Sequence[Course],
+        steps: Steps,
+        jobs: int,
+        given: int | None = None,
+        width: int = 0,
+        lanes: int = 0,
+    ):
+        """Args:
+        plant: gives the structure, and the numbers at which effects are absent.
+        courses: inputs of the recordings.
+        steps: how time passes.
+        jobs: simulations that are usually wanted at a time.
+        given: number of effects, from the first, that all structures have; of the others a simulation computes those
+            alone of which some number is free or not the plant's. By default all structures have all.
+        width: parameter columns of a call; by default as many as are wanted at a time.
+        lanes: simulations of a call; by default as many as `jobs` ask for.
+        """
+        self.table = ParameterTable(plant)
+        self._absent = np.array(self.table.ravel(plant), dtype=float)
+        self._given = None if given is None else np.arange(len(plant.effects)) < given
+        self.steps = steps
+        self.count = len(courses)
+        # Enough for all processors, and mostly the same, so that programs serve other recordings as well.
+        self.lanes = lanes or (_LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS)))
+        self._width, self._wider = min(width, _WIDEST), width == 0
+        self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
+        self.samples = self._courses.lane.dt.shape[1] + 1
+        moving = np.array([np.any(flag) for flag in self._courses.lane.active])
+        self._moving = np.flatnonzero(np.tile(moving, 2))
+
+    @property
+    def width(self) -> int:
+        """Parameter columns of a call so far."""
+        return self._width
+
+    def predict(self, jobs: Sequence[Job]) -> list[NDArray[np.float64]]:
+        """Readings of every job, `(sample, 3)`."""
+        out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
+
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+            out[i] = found[0][lane]
+
+        self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], None, self.lanes, keep)
+        return out
+
+    def sensitivities(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
+        """Predictions and tangents of every job, each handed to `take` with the job's number when it is there.
+
+        They are handed over one by one because those of all jobs together would not fit into memory.
+        """
+        if self._wider:
+            most = max((len(job.free) for job in jobs), default=0)
+            self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)))
+        width = max(self._width, 1)
+        parts = []
+        for i, job in enumerate(jobs):
+            edges = range(0, max(len(job.free), 1), width)
+            parts += [(i, job.free[a : a + width]) for a in edges]
+        # Those with the same columns side by side, since a call computes the effects of all of its parts.
+        parts.sort(key=lambda part: part[1].tolist())
+        none = np.zeros((3, self.samples))
+        columns = [[none] * (len(job.free) + STATES) for job in jobs]
+        missing = [max(len(job.free), 1) for job in jobs]
+
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
+            predicted, tangents = found[0][lane], found[1][lane]
+            free = jobs[i].free
+            for column, place in enumerate(np.flatnonzero(np.isin(free, places))):
+                columns[i][int(place)] = tangents[:, column]
+            for column, place in enumerate(self._moving):
+                columns[i][len(free) + int(place)] = tangents[:, width + column]
+            missing[i] -= max(len(places), 1)
+            if missing[i] == 0:
+                take(i, Sensitivity(predicted, tuple(columns[i])))
+                columns[i] = []
+
+        self._run(jobs, parts, width, min(self.lanes, _TANGENT_LANES), keep)
+
+    def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
+        """Which effects some of the parts of a call have: their parameters, and which of these are free."""
+        if self._given is None:
+            return None
+        used = np.zeros(self.table.size, bool)
+        for vector, places in parts:
+            used |= (vector != self._absent) & ~(np.isnan(vector) & np.isnan(self._absent))
+            used[places] = True
+        owners = self.table.owners()
+        present = self._given.copy()
+        present[owners[used & (owners >= 0)]] = True
+        return present
+
+    def _run(
+        self,
+        jobs: Sequence[Job],
+        parts: Sequence[tuple[int, NDArray[np.int64]]],
+        width: int | None,
+        lanes: int,
+        keep: Callable[[int, NDArray[np.int64], int, tuple[NDArray[np.float64], ...]], None],
+    ) -> None:
+        """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order.
+
+        Args:
+            jobs: what is simulated.
+            parts: numbers of jobs, and places of the parameters whose tangents are wanted.
+            width: parameter columns of a call; without tangents None.
+            lanes: parts of a call.
+            keep: takes a part's job, its places, its lane, and what the call gave.
+        """
+        calls = [parts[a : a + lanes] for a in range(0, len(parts), lanes)]
+
+        def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
+            # A short call repeats its last part: one shape, one program.
+            full = [*own, *([own[-1]] * (lanes - len(own)))]
+            size = self.table.size
+            vectors, towards = np.zeros((lanes, size)), np.zeros((lanes, width or 0, size))
+            present = self._present([(jobs[i].vector, places) for i, places in own])
+            restart = np.zeros((lanes, self.samples))
+            states = np.zeros((lanes, self.samples, STATES))
+            which = np.zeros(lanes, np.int64)
+            for k, (i, places) in enumerate(full):
+                job = jobs[i]
+                vectors[k], which[k] = job.vector, job.recording
+                towards[k, np.arange(len(places)), places] = 1.0
+                restart[k, job.begins] = 1.0
+                states[k, job.begins] = job.states
+            courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
+            given = Lanes(
+                jnp.asarray(vectors),
+                courses,
+                jnp.asarray(restart),
+                jnp.asarray(states),
+                None if present is None else jnp.asarray(present),
+            )
+            if width is None:
+                return (np.asarray(predicted(self.table, given, self.steps)),)
+            begun = jnp.asarray(np.eye(STATES)[self._moving])
+            found = predicted_with_tangents(self.table, given, jnp.asarray(towards), begun, self.steps)
+            return tuple(np.asarray(part) for part in found)
+
+        with ThreadPoolExecutor(_THREADS) as pool:
+            # Few calls wait in memory at a time.
+            for a in range(0, len(calls), 2 * _THREADS):
+                some = calls[a : a + 2 * _THREADS]
+                for own, found in zip(some, pool.map(call, some), strict=True):
+                    for lane, (i, places) in enumerate(own):
+                        keep(i, places, lane, found)

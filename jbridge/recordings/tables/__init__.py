@@ -1,0 +1,1 @@
+"""Files and variables as named columns of numbers, before anything is known about their meaning."""

@@ -1,0 +1,209 @@
+"""What `control` leaves: the run as a recording, how each move went, and the pictures."""
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._types import Axes
+from ...control.base import Reference
+from ...control.files import Controller, save_controller
+from ...control.fuzzy import FuzzyController
+from ...fuzzy.inference import AbstractSystem
+from ...recordings import save_csv
+from ...simulation.tracking import Tracking
+from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
+from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
+from ..figures.style import Picture
+from ..files import PathLike, make_folder, write_bytes, write_text
+from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.quantities import digits
+
+RUN = "run.csv"
+_NEVER = "not within the time"
+_EXPLAINED = (
+    "Settled: within 1 cm of the goal until the next move, counted from the move's start. Overshoot: as a share of the "
+    "way. Steady error and swing: over the last quarter of the rest. Travel: mean of |du/dt|. Sign changes: from "
+    "beyond 1 % of the drive's limit to beyond 1 % on the other side. At the limit: share of the time."
+)
+
+
+def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) -> Path:
+    """Writes run.csv (the run as a recording), controller.toml, control.json, figures/*.png and control.html.
+
+    Args:
+        folder: where to.
+        tracking: the closed loop.
+        controller: what commanded it.
+
+    Returns:
+        The path of control.html.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    target = Path(folder)
+    make_folder(target)
+    save_csv(target / RUN, tracking.columns)
+    save_controller(target / "controller.toml", controller)
+    moves = [dataclasses.asdict(move) for move in tracking.moves]
+    write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves}, indent=2) + "\n")
+    pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
+    for drawn in pictures:
+        write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
+    remarks = [sentence[0].upper() + sentence[1:] for sentence in unsettled(tracking)]
+    write_text(target / "control.html", _page(tracking, pictures, [*remarks, *silence(tracking, controller)]))
+    return target / "control.html"
+
+
+def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
+    """How each move went, as a table for the terminal."""
+    rows = _rows(tracking)
+    head = (
+        "move",
+        "to x, l [m]",
+        "settled, s",
+        "load settled, s",
+        "overshoot x, l",
+        "steady error x, l",
+        "swing left",
+        "travel, V/s",
+        "sign changes",
+        "at the limit",
+    )
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+    ]
+    lines = [*(f"Warning: {sentence}" for sentence in unsettled(tracking)), *lines, ""]
+    if folder is not None:
+        lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
+    return "\n".join(lines) + "\n"
+
+
+def unsettled(tracking: Tracking) -> list[str]:
+    """A sentence on the moves whose load does not settle, if there are any."""
+    never = [str(k) for k, move in enumerate(tracking.moves, start=1) if move.settling_time["load"] is None]
+    if not never:
+        return []
+    return [f"the load does not settle in move{'s' if len(never) > 1 else ''} {', '.join(never)}."]
+
+
+def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
+    """Positions, voltages and the load's way."""
+    reference: Run = {"t": tracking.times, **tracking.reference}
+    runs: dict[str, Run] = {"simulated": {"t": tracking.times, **tracking.position, **tracking.command}}
+    stops = [("start", float(tracking.reference["x"][0]), float(tracking.reference["l"][0]))]
+    for number, goal in enumerate(_goals(tracking), start=1):
+        stops.append((f"goal {number}", *goal))
+    return (
+        draw_positions("positions", "Positions along the reference", reference, runs),
+        draw_commands("commands", "What the controller commands", runs),
+        draw_way("way", "The way of the load", reference, runs, stops),
+    )
+
+
+def rule_pictures(tracking: Tracking, controller: Controller) -> tuple[Picture, ...]:
+    """For a fuzzy controller, what its rules say and which of them spoke when."""
+    pictures = []
+    for axis, system, found in _asked(tracking, controller):
+        most = 0.5 * float(system.inputs[0].high - system.inputs[0].low)
+        reach = most * float(np.clip(1.2 * np.abs(found[:, 0]).max() / most, 0.02, 1.0))
+        scale = float(getattr(controller.law, f"{axis}_scale"))
+        pictures += [
+            draw_rules(f"rules-{axis}", f"The {axis}'s rules over time", system, tracking.times, found),
+            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, scale * reach, [scale]),
+        ]
+    return tuple(pictures)
+
+
+def silence(tracking: Tracking, controller: Controller) -> list[str]:
+    """Sentences on times in which no rule of a fuzzy controller fired."""
+    shares = {axis: silent_share(system, values) for axis, system, values in _asked(tracking, controller)}
+    return [
+        f"No rule of the {axis} fires in {100 * share:.2g} % of the time; its voltage is then the middle of its range."
+        for axis, share in shares.items()
+        if share > 0
+    ]
+
+
+def _asked(tracking: Tracking, controller: Controller) -> list[tuple[str, AbstractSystem, NDArray[np.float64]]]:
+    """Each fuzzy system of a controller and its inputs over the run; nothing for another law."""
+    law = controller.law
+    if not isinstance(law, FuzzyController):
+        return []
+    measured = Axes(*(jnp.asarray(tracking.measured[axis]) for axis in ("x", "psi", "l")))
+    columns = [told[axis] for told in (tracking.reference, tracking.reference_speed) for axis in ("x", "l")]
+    wanted = Reference(*map(jnp.asarray, columns))
+    asked = law.inputs(measured, wanted, controller.period)
+    systems = (("cart", law.cart), ("hoist", law.hoist))
+    return [(axis, system, np.asarray(values)) for (axis, system), values in zip(systems, asked, strict=True)]
+
+
+def _goals(tracking: Tracking) -> list[tuple[float, float]]:
+    ends = [*(move.start for move in tracking.moves[1:]), float("inf")]
+    out = []
+    for end in ends:
+        row = int((tracking.times < end).sum()) - 1
+        out.append((float(tracking.reference["x"][row]), float(tracking.reference["l"][row])))
+    return out
+
+
+def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for number, (move, (x, l)) in enumerate(zip(tracking.moves, _goals(tracking), strict=True), start=1):
+        settled = [
+            _NEVER if move.settling_time[k] is None else digits(move.settling_time[k]) for k in ("x", "l", "load")
+        ]
+        rows.append(
+            (
+                str(number),
+                f"{x:.3g}, {l:.3g}",
+                f"{settled[0]}, {settled[1]}",
+                settled[2],
+                ", ".join(f"{100 * move.overshoot[k]:.2g} %" for k in ("x", "l")),
+                ", ".join(f"{1e3 * move.steady_error[k]:.2g} mm" for k in ("x", "l")),
+                f"{57.29577951308232 * move.residual_swing:.2g}°",
+                ", ".join(f"{move.travel[k]:.2g}" for k in ("x", "l")),
+                ", ".join(str(move.sign_changes[k]) for k in ("x", "l")),
+                ", ".join(f"{100 * move.saturation[k]:.2g} %" for k in ("x", "l")),
+            )
+        )
+    return rows
+
+
+def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[str]) -> str:
+    head = (
+        "move",
+        "to x, l [m]",
+        "x and l settled [s]",
+        "load settled [s]",
+        "overshoot of x, l",
+        "steady error of x, l",
+        "swing left",
+        "travel of u_x, u_l [V/s]",
+        "sign changes of u_x, u_l",
+        "u_x, u_l at the limit",
+    )
+    title = f"{len(tracking.moves)} moves in {digits(tracking.times[-1])} s"
+    return page(
+        "Closed loop - jbridge",
+        [
+            element("header", tag("p", "The controller moves the load", "verdict") + tag("h1", title)),
+            section(
+                "How each move went",
+                table(head, _rows(tracking)),
+                tag(
+                    "p",
+                    _EXPLAINED,
+                    "soft",
+                ),
+                bullets(remarks, "warnings"),
+            ),
+            section("What happened", show_all(pictures)),
+        ],
+    )

@@ -1,0 +1,205 @@
+"""What `tune` leaves: the tuned controller, how it compares, and the pictures."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...control.base import AbstractController
+from ...control.files import has_file, save_controller
+from ...control.fuzzy import FuzzyController
+from ...export.c import controller_header
+from ...fuzzy.inference import Mamdani
+from ...simulation.summaries import UNITS
+from ...tuning.tune import Tuning
+from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
+from ..figures.control.tracking import draw_positions
+from ..figures.style import Picture
+from ..files import PathLike, make_folder, write_bytes, write_text
+from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.quantities import digits
+
+SHOWN: Mapping[str, tuple[str, str, float]] = {
+    "settling_load": ("load settled", "s", 1.0),
+    "residual_swing": ("swing left", "°", 180.0 / np.pi),
+    "overshoot_x": ("overshoot of x", "mm", 1e3),
+    "overshoot_l": ("overshoot of l", "mm", 1e3),
+    "itae_x": ("ITAE of x", "m s²", 1.0),
+    "itae_l": ("ITAE of l", "m s²", 1.0),
+    "effort_x": ("effort of the cart", "V²", 1.0),
+    "chatter_x": ("travel of u_x", "V/s", 1.0),
+    "chatter_l": ("travel of u_l", "V/s", 1.0),
+    "sign_changes_x": ("sign changes of u_x", "1", 1.0),
+    "sign_changes_l": ("sign changes of u_l", "1", 1.0),
+    "saturation_x": ("time of u_x at the limit", "%", 100.0),
+    "saturation_l": ("time of u_l at the limit", "%", 100.0),
+}
+"""What is told of a controller: name, unit, factor from the summaries' unit."""
+_DRAWN = ("settling_load", "residual_swing", "itae_x")
+_RESTLESS = {"chatter_x": 0.1, "chatter_l": 0.1, "sign_changes_x": 1.0, "sign_changes_l": 1.0}
+"""What must not grow beyond twice that of the controller as given, and what is too small for that to matter."""
+_SHOWN_ERROR = 0.2
+"""How far from zero surfaces show the error, as a share of the larger scale."""
+_COURSES = {"train": "tuned on", "held_out": "held out"}
+_EXPLAINED = (
+    "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
+    "1 cm of the goal for the last half second at least, counted from the move's start; a move that does not settle "
+    "counts as longer than all. Held-out bridges and moves took no part in the tuning."
+)
+
+
+def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
+    """Writes controller.toml (tuned), controller.h (the same in C), tune.json, figures/*.png and tune.html.
+
+    A controller that shapes its reference has no form in C.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    target = Path(folder)
+    make_folder(target)
+    if has_file(tuning.controller.law):
+        save_controller(target / "controller.toml", tuning.controller)
+        if tuning.controller.shaping is None:
+            write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
+    told: dict[str, Any] = {
+        "schema": 1,
+        "cost": {name: {"before": a, "after": b} for name, (a, b) in tuning.costs.items()},
+        "coordinates": dict(tuning.coordinates),
+        "measures": {
+            name: {key: {"before": _numbers(before[key]), "after": _numbers(after[key])} for key in UNITS}
+            for name, (before, after) in tuning.measures.items()
+        },
+        "units": dict(UNITS),
+        "history": _numbers(tuning.history),
+        "rollouts": tuning.rollouts,
+        "seconds": tuning.seconds,
+    }
+    write_text(target / "tune.json", json.dumps(told, indent=1) + "\n")
+    pictures = tuning_pictures(tuning)
+    for drawn in pictures:
+        write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
+    write_text(target / "tune.html", _page(tuning, pictures))
+    return target / "tune.html"
+
+
+def _numbers(values: NDArray[np.float64]) -> Any:
+    """Nested lists, with null for what never happened."""
+    return [_numbers(value) if np.ndim(value) else (float(value) if np.isfinite(value) else None) for value in values]
+
+
+def warnings(tuning: Tuning) -> list[str]:
+    """Sentences on what became worse on the held-out bridges, and on moves whose load does not settle there."""
+    before, after = tuning.measures["held_out"]
+    found = []
+    for key, small in _RESTLESS.items():
+        old, new = float(np.mean(before[key])), float(np.mean(after[key]))
+        if not new <= max(2.0 * old, small):
+            name, unit, _ = SHOWN[key]
+            unit = "" if unit == "1" else f" {unit}"
+            found.append(f"{name} went from {digits(old)} to {digits(new)}{unit} on average, more than twice.")
+    never = int(np.isnan(after["settling_load"]).sum())
+    if never:
+        given = int(np.isnan(before["settling_load"]).sum())
+        found.append(f"the load does not settle in {never} of {after['settling_load'].size} moves ({given} as given).")
+    return found
+
+
+def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
+    """How the tuned controller compares, as a table for the terminal."""
+    head, rows = _rows(tuning)
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+    ]
+    lines = [*(f"Warning: {sentence}" for sentence in warnings(tuning)), *lines]
+    lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
+    if folder is not None:
+        lines += [f"Report      {Path(folder) / 'tune.html'}"]
+        if has_file(tuning.controller.law):
+            lines += [f"            {Path(folder) / 'controller.toml'}"]
+    return "\n".join(lines) + "\n"
+
+
+def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
+    """Sets, surfaces, cost over the steps, and the spread over the held-out bridges."""
+    before, after = tuning.given.law, tuning.controller.law
+    pictures = [
+        draw_ensemble(
+            "ensemble",
+            "Held-out bridges and moves",
+            {"as given": tuning.measures["held_out"][0], "tuned": tuning.measures["held_out"][1]},
+            {key: (f"{SHOWN[key][0]} [{SHOWN[key][1]}]", SHOWN[key][2]) for key in _DRAWN},
+            "How many of them stay below a value; a line that ends below 100 % has moves that never settle.",
+        ),
+        _responses(tuning),
+        draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
+    ]
+    for axis in ("cart", "hoist"):
+        pictures += changed_pictures(axis, before, after)
+    return tuple(pictures)
+
+
+def _responses(tuning: Tuning) -> Picture:
+    given, tuned = tuning.responses
+    wanted = {"t": given["t"], "x": given["x_ref"], "l": given["l_ref"]}
+    return draw_positions(
+        "response", "The first move, on the model itself", wanted, {"as given": given, "tuned": tuned}, volts=True
+    )
+
+
+def changed_pictures(axis: str, before: AbstractController, after: AbstractController, of: str = "") -> list[Picture]:
+    """Sets and surfaces of one axis (`cart`, `hoist`), as given and tuned; none if its system is not Mamdani's."""
+    if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
+        return []
+    old, new = getattr(before, axis), getattr(after, axis)
+    if not isinstance(old, Mamdani) or not isinstance(new, Mamdani):
+        return []
+    scales = float(getattr(before, f"{axis}_scale")), float(getattr(after, f"{axis}_scale"))
+    pair = {"as given": old, "tuned": new}
+    return [
+        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}{of}", old, new, scales),
+        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say{of}", pair, _SHOWN_ERROR * max(scales), scales),
+    ]
+
+
+def _rows(tuning: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    head = ("", *(f"{said}, {when}" for said in _COURSES.values() for when in ("as given", "tuned")))
+    rows = [
+        ("cost", *(digits(value) for name in _COURSES for value in tuning.costs[name])),
+    ]
+    for key, (said, unit, factor) in SHOWN.items():
+        cells = [_spread(factor * own[key]) for name in _COURSES for own in tuning.measures[name]]
+        rows.append((f"{said} [{unit}]", *cells))
+    return head, rows
+
+
+def _spread(values: NDArray[np.float64]) -> str:
+    filled = np.where(np.isnan(values), np.inf, values)
+    middle, most = float(np.median(filled)), float(np.max(filled))
+    never = int(np.isinf(filled).sum())
+    largest = f"{never} never" if never else digits(most)
+    return f"{digits(middle) if np.isfinite(middle) else 'never'} ({largest})"
+
+
+def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
+    before, after = tuning.costs["held_out"]
+    title = f"Cost on held-out bridges: {digits(before)} as given, {digits(after)} tuned"
+    head, rows = _rows(tuning)
+    moved = sorted(tuning.coordinates.items(), key=lambda item: -abs(item[1]))
+    return page(
+        "Tuning - jbridge",
+        [
+            element("header", tag("p", "The controller is tuned", "verdict") + tag("h1", title)),
+            bullets([sentence[0].upper() + sentence[1:] for sentence in warnings(tuning)], "warnings"),
+            section("As given and tuned", table(head, rows, numbers=range(1, len(head))), tag("p", _EXPLAINED, "soft")),
+            section("What changed", show_all(pictures)),
+            section(
+                "How far each number was moved",
+                table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
+            ),
+        ],
+    )

@@ -1,0 +1,1 @@
+"""Figures of controllers and of closed loops."""

@@ -1,0 +1,224 @@
+"""Inputs on their way to the motors: held, late, clipped and scaled, for every integration step of a lane.
+
+What has no memory, or is linear in time, is computed for a whole lane at once, before the time loop.
+"""
+
+import functools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .._types import Axes, Scalar
+from ..model.effects.base import AXIS_OF_SITE, AbstractDrive
+from ..model.effects.drives import InputDelay
+from ..model.plant import Plant
+
+INSTANT = 1e-9
+"""Time constant of a lag that is as good as none [s]."""
+
+
+class Lane(eqx.Module):
+    """A stretch of recording as the engine wants it. Times count from the recording's start, by its own clock."""
+
+    start: Float[Array, ""]
+    """Time of the first sample [s]."""
+    dt: Float[Array, " time"]
+    """Length of each interval [s]; 0 in padding."""
+    u: Float[Array, "history 2"]
+    """Held inputs of cart and hoist (input unit), of the intervals before the lane and then of the lane's."""
+    before: Float[Array, " before"]
+    """Lengths of the intervals before the lane [s], whose inputs a delay or lag still feels."""
+    active: Axes
+    """1 for an axis that moves, 0 for one that is locked or absent."""
+
+
+class Drives(NamedTuple):
+    """Inputs behind saturation, dead zone, gains and delay, for every step of every interval."""
+
+    mean: Float[Array, "time step 2"]
+    """Mean over the step: exact for the impulse."""
+    early: Float[Array, "time step 2"]
+    """Mean weighted by the time left to the step's end: exact for what the impulse does to the position."""
+    lags: Float[Array, " 2"]
+    """Initial values of the lags."""
+
+
+def in_true_time(plant: Plant, lane: Lane) -> Lane:
+    """The lane by true time, where the plant's recordings have a clock of their own."""
+    scale = plant.time_scale()
+    if isinstance(scale, float):
+        return lane
+    return Lane(lane.start * scale, lane.dt * scale, lane.u, lane.before * scale, lane.active)
+
+
+def interval_edges(lane: Lane) -> Float[Array, " edge"]:
+    """Beginnings of all intervals, those before the lane included, and the last end [s]."""
+    spans = jnp.concatenate([lane.before, lane.dt])
+    return jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
+
+
+def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history edge"]:
+    """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
+
+    A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
+    cut where the late input changes, and every part has its steps. (Where sampling is so uneven that an input changes
+    twice in an interval, the second change counts by its moments.)
+
+    Args:
+        plant: what moves.
+        lane: intervals.
+        substeps: steps of an interval, or of every part of it.
+    """
+    edges = interval_edges(lane)
+    begin, end = edges[:-1], edges[1:]
+    cuts = []
+    for effect in plant.all(InputDelay):
+        j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
+        late = edges[j] + effect.delay
+        # Rounding may put a delay of whole intervals a hair before the interval.
+        cuts.append(jnp.where(late < end, jnp.where(late < begin, begin, late), end))
+    between = jnp.sort(jnp.stack(cuts, axis=1), axis=1) if len(cuts) > 1 else jnp.stack(cuts, axis=1) if cuts else None
+    parts = [begin[:, None], end[:, None]] if between is None else [begin[:, None], between, end[:, None]]
+    return _divided(jnp.concatenate(parts, axis=1), substeps)
+
+
+def even_steps(edges: Float[Array, " edge"], substeps: int) -> Float[Array, "interval step"]:
+    """The same of some intervals in which all changes of a late input count by their moments, in a third of the steps.
+
+    Args:
+        edges: of the intervals [s].
+        substeps: steps of an interval.
+    """
+    return _divided(jnp.stack([edges[:-1], edges[1:]], axis=1), substeps)
+
+
+def _divided(parts: Float[Array, "interval part"], substeps: int) -> Float[Array, "interval step"]:
+    inner = parts[:, :-1, None] + jnp.diff(parts, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
+    return jnp.concatenate([inner.reshape(parts.shape[0], -1), parts[:, -1:]], axis=1)
+
+
+class Held(NamedTuple):
+    """An axis' held inputs behind what has no memory and no clock, and their integrals where they may come late."""
+
+    inputs: Float[Array, " history"]
+    once: Float[Array, " edge"] | None
+    twice: Float[Array, " edge"] | None
+
+
+class Supply(NamedTuple):
+    """What is known of a lane's inputs as a whole, see `arriving`."""
+
+    edges: Float[Array, " edge"]
+    """See `interval_edges`."""
+    x: Held
+    l: Held  # noqa: E741
+
+
+def supply(plant: Plant, lane: Lane) -> Supply:
+    """The held inputs of a lane behind saturation, dead zone and gains."""
+    edges = interval_edges(lane)
+    found = []
+    for column, axis in enumerate(("x", "l")):
+        w = lane.u[:, column]
+        for effect in _chain(plant, axis):
+            if not effect.in_time:
+                w = plant.after(functools.partial(effect.apply, edges[:-1]), w, effect)
+        once = twice = None
+        if _late(plant, axis):
+            spans = jnp.diff(edges)
+            once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
+            twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+        found.append(Held(w, once, twice))
+    return Supply(edges, *found)
+
+
+def _chain(plant: Plant, axis: str) -> list[AbstractDrive]:
+    chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
+    return sorted(chain, key=lambda effect: effect.order)
+
+
+def _late(plant: Plant, axis: str) -> list[InputDelay]:
+    return [effect for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+
+
+def arriving(
+    plant: Plant, given: Supply, steps: Float[Array, "interval edge"], first: Int[Array, ""] | int
+) -> tuple[Float[Array, "interval step 2"], Float[Array, "interval step 2"]]:
+    """Inputs at the drives in every step of some intervals: see `Drives`.
+
+    Args:
+        plant: what moves.
+        given: the lane's held inputs.
+        steps: beginnings of the intervals' steps, and the intervals' ends [s].
+        first: number of the first of these intervals, from the first of those before the lane.
+    """
+    begin, end = steps[:, :-1], steps[:, 1:]
+    middle = 0.5 * (begin + end)
+    means, earlies = [], []
+    for axis, held in (("x", given.x), ("l", given.l)):
+        own = jax.lax.dynamic_slice_in_dim(held.inputs, first, steps.shape[0])
+        # What has no memory and no clock may stand before the delay as well as behind it.
+        mean = early = jnp.broadcast_to(own[:, None], begin.shape)
+        late = _late(plant, axis)
+        if late:
+            delay = sum((effect.delay for effect in late[1:]), late[0].delay)
+
+            def delayed(_: tuple[Array, Array], held: Held = held, delay: Scalar = delay) -> tuple[Array, Array]:
+                return _delayed(given.edges, held, begin, end, delay)
+
+            mean, early = plant.after(delayed, (mean, early), *late)
+        for effect in _chain(plant, axis):
+            if effect.in_time:
+                law = functools.partial(effect.apply, middle)
+                mean, early = plant.after(law, mean, effect), plant.after(law, early, effect)
+        means.append(mean)
+        earlies.append(early)
+    return jnp.stack(means, axis=2), jnp.stack(earlies, axis=2)
+
+
+def lags_at_start(
+    plant: Plant, lane: Lane, steps: Float[Array, "before edge"], mean: Float[Array, "before step 2"]
+) -> Float[Array, " 2"]:
+    """States of both drives' lags at a lane's beginning, from the steps before it and the inputs' means there."""
+    constants = plant.time_constants()
+    found = []
+    for column, constant in enumerate((constants.x, constants.l)):
+        # Outside the time loop the library's exponential costs nothing.
+        fading = jnp.exp(-(lane.start - steps) / jnp.maximum(constant, INSTANT))
+        found.append(jnp.sum(mean[:, :, column] * jnp.diff(fading, axis=1)))
+    return jnp.stack(found)
+
+
+def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] | None = None) -> Drives:
+    """What the drives are given over the lane, for cart and hoist.
+
+    Args:
+        plant: what moves.
+        lane: held inputs.
+        steps: see `step_edges`; by default every interval is one step.
+    """
+    given, n = supply(plant, lane), lane.before.shape[0]
+    if steps is None:
+        steps = even_steps(given.edges, 1)
+    mean, early = arriving(plant, given, steps, 0)
+    return Drives(mean[n:], early[n:], lags_at_start(plant, lane, steps[:n], mean[:n]))
+
+
+def _delayed(edges: Array, held: Held, begin: Array, end: Array, delay: Scalar) -> tuple[Array, Array]:
+    """A held input late by `delay` over spans of time: its mean, and its mean weighted by the time left."""
+    w, once, twice = held
+    assert once is not None and twice is not None
+
+    def integrals(t: Array) -> tuple[Array, Array]:
+        k = jnp.clip(jnp.searchsorted(edges, t, side="right") - 1, 0, w.shape[0] - 1)
+        since = jnp.maximum(t - edges[k], 0.0)
+        return once[k] + w[k] * since, twice[k] + (once[k] + 0.5 * w[k] * since) * since
+
+    (first, first_twice), (last, last_twice) = integrals(begin - delay), integrals(end - delay)
+    span = jnp.where(end > begin, end - begin, 1.0)
+    # The integral of (end - t) w(t) over a span is what the integral of w gains over it.
+    gained = last_twice - first_twice - (end - begin) * first
+    return (last - first) / span, 2.0 * gained / (span * span)

@@ -1,0 +1,102 @@
+"""`track`: a model under a controller along a reference, and how well that went."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..control.base import Reference
+from ..control.files import Controller
+from ..control.measures import Move, limits_of, moves
+from ..errors import InputError
+from ..model.files import Model, requires
+from ..model.steps import substeps
+from ..signals import Path
+from .closed_loop import closed_loop, periods_remembered
+
+
+@dataclasses.dataclass(frozen=True)
+class Tracking:
+    """A closed loop at the controller's samples."""
+
+    times: NDArray[np.float64]
+    """[s]"""
+    reference: Mapping[str, NDArray[np.float64]]
+    """Wanted `x` and `l`, as the controller follows them [m]."""
+    reference_speed: Mapping[str, NDArray[np.float64]]
+    """The same for their speeds [m/s]."""
+    position: Mapping[str, NDArray[np.float64]]
+    """True `x` [m], `psi` [rad], `l` [m]."""
+    measured: Mapping[str, NDArray[np.float64]]
+    """The same as the sensors read them."""
+    command: Mapping[str, NDArray[np.float64]]
+    """`u_x`, `u_l` [V], held until the next sample."""
+    moves: tuple[Move, ...]
+    """How each leg of the reference went."""
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """A recording of the run: `t`, inputs, what the sensors read, and the reference."""
+        wanted = {f"{axis}_ref": values for axis, values in self.reference.items()}
+        return {"t": self.times, **self.command, **self.measured, **wanted}
+
+
+_run = eqx.filter_jit(closed_loop)
+
+
+def track(model: Model, controller: Controller, path: Path) -> Tracking:
+    """Lets a controller move a model's bridge along a reference, from rest at its beginning.
+
+    Args:
+        model: what moves.
+        controller: what commands it.
+        path: the reference, at the controller's samples (`signals.smooth_path`); the controller's shaping is done here.
+
+    Raises:
+        InputError: the model lacks a part of the bridge, path and controller have different periods, or the loop runs
+            away.
+    """
+    requires(model, ("x", "psi", "l"))
+    plant, period = model.plant, controller.period
+    if len(path.times) < 2 or not np.allclose(np.diff(path.times), period, rtol=1e-6, atol=1e-9):
+        raise InputError(
+            f"{controller.source or 'the controller'}: it samples every {period:g} s, but the reference does not; "
+            "give the reference at the controller's samples"
+        )
+    wanted, path = path, controller.follows(path)
+    # Shaped references end later; what is wanted stays where it is meanwhile, and is what the moves are measured by.
+    beyond = [(0, len(path.times) - len(wanted.times)), (0, 0)]
+    goal = np.pad(np.stack([wanted.x, wanted.l], axis=1), beyond, mode="edge")
+    initial = np.zeros(plant.states)
+    initial[0], initial[2] = path.x[0], path.l[0]
+    response = _run(
+        plant,
+        controller.law,
+        jnp.asarray(initial),
+        Reference(*(jnp.asarray(values) for values in path[1:])),
+        period=period,
+        substeps=substeps(plant, period),
+        memory=periods_remembered(plant, period),
+    )
+    position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)
+    command = np.asarray(response.command)
+    lost = np.flatnonzero(~np.isfinite(position).all(axis=1))
+    if len(lost):
+        raise InputError(
+            f"{controller.source or 'the controller'}: the loop runs away {path.times[lost[0]]:.3g} s after its start; "
+            "lower the controller's gains, or see whether a voltage has the wrong sign"
+        )
+    names = ("x", "psi", "l")
+    limits = np.asarray(limits_of(controller.law)).tolist()
+    return Tracking(
+        path.times,
+        {"x": path.x, "l": path.l},
+        {"x": path.v_x, "l": path.v_l},
+        dict(zip(names, position.T, strict=True)),
+        {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
+        {"u_x": command[:, 0], "u_l": command[:, 1]},
+        moves(path.times, goal, position, command, limits),
+    )
