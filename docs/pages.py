@@ -4,6 +4,7 @@ Its first page is the README, figures come from `figures`, the commands' page fr
 of the Python interface from the public names.
 """
 
+import ast
 import re
 import sys
 from pathlib import Path
@@ -53,9 +54,8 @@ def commands() -> str:
 
 def interface() -> str:
     """Every public name with its docstring."""
-    import jbridge
-
-    homes = jbridge._HOMES
-    names = [name for name in jbridge.__all__ if name in homes]
+    face = ast.parse((ROOT / "jbridge" / "__init__.pyi").read_text(encoding="utf-8"))
+    homes = {a.name: node.module for node in face.body if isinstance(node, ast.ImportFrom) for a in node.names}
+    names = sorted(name for name in homes if not name.startswith("_"))
     parts = [f"## {name}\n\n::: jbridge.{homes[name]}.{name}\n    options: {{heading_level: 3}}" for name in names]
     return "# Python interface\n\nAll names are those of `jbridge` itself.\n\n" + "\n\n".join(parts) + "\n"

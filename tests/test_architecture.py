@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"_display", "compilation"},
-    {"_math", "_types", "errors"},
+    {"_math", "_types", "_version", "errors"},
     {"_files", "_toml", "cluster"},
     {"signals", "recordings"},
     {"model", "fuzzy"},
@@ -100,7 +100,7 @@ def private_imports(path: PurePath, source: str) -> list[str]:
 
 
 def sources(folder: str) -> Iterator[tuple[PurePath, str]]:
-    for path in sorted((ROOT / folder).rglob("*.py")):
+    for path in sorted([*(ROOT / folder).rglob("*.py"), *(ROOT / folder).rglob("*.pyi")]):
         yield path.relative_to(ROOT), path.read_text(encoding="utf-8")
 
 
@@ -197,7 +197,7 @@ def test_a_bad_import_is_found(path, source, complaint):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("jbridge/__init__.py", "if TYPE_CHECKING:\n    from jbridge.report import Report"),
+        ("jbridge/__init__.pyi", "from .report.save import save_report as save_report"),
         ("jbridge/model/plant.py", "from jbridge.model.bridge import Bridge\nfrom . import effects"),
         ("jbridge/simulation/rollout.py", "from jbridge import control\nfrom jbridge._types import Dof"),
         ("jbridge/identification/fit.py", "import jax\nfrom jbridge.simulation.rollout import rollout"),
