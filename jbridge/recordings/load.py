@@ -10,6 +10,7 @@ import numpy as np
 
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, read_channels
+from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility import (
@@ -189,6 +190,9 @@ def make_reading(
         for name, samples in measured.items()
     }
     fresh = {name: fresh_rows(times, measured[name], hold) for name, hold in holds.items()}
+    quick = {name: measured[name] for name, hold in holds.items() if not hold.held and name not in declared.hold}
+    lost = lost_together(times, quick, resolution)
+    fresh |= {name: ~rows for name, rows in lost.items()}
     if not of_units:
         samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
         for doubt in doubtful_signs(channels, samples, parts.locked_length):
@@ -208,7 +212,12 @@ def make_reading(
         override=channels.gains | dict(declared.override),
         initial=dict(declared.initial),
         extras={name: read_only(column) for name, column in all_extras(channels, parts).items()},
-        notes=(*channels.notes, *parts.notes, *describe(channels, declared, resolution, holds)),
+        notes=(
+            *channels.notes,
+            *parts.notes,
+            *describe(channels, declared, resolution, holds),
+            *lost_notes(times, lost),
+        ),
         earlier=Commands(
             read_only(before["t"]),
             *(read_only(before[name]) if arrays[name] is not None else None for name in INPUTS),
@@ -274,6 +283,16 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
         if hold.held:
             notes.append(held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows"))
     return notes
+
+
+def lost_notes(times: np.ndarray, lost: dict[str, np.ndarray]) -> list[str]:
+    """Returns one sentence per channel of which the log lost rows."""
+    return [
+        f"The log lost {np.count_nonzero(rows)} rows of {name}, the first at {times[rows.argmax()]:.6g} s, and repeated"
+        " a neighbour's value while the rig moved on; they are not counted."
+        for name, rows in lost.items()
+        if rows.any()
+    ]
 
 
 def held_note(name: str, hold: Hold, how: str) -> str:

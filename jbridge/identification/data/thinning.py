@@ -8,19 +8,24 @@ from ...recordings import Recording
 
 PERIOD = 0.004
 """Time between samples [s] below which a bridge does nothing that a search would miss."""
+_FRESH = 0.9
+"""Least share of the rows taken that are measurements of every channel; a slower channel has fewer."""
 
 
 def thinned(recording: Recording, period: float = PERIOD) -> Recording:
     """Every so many rows of a recording sampled faster than `period`, each with the mean input until the next.
 
-    The mean has the impulse of the inputs that it stands for. Recordings with slower channels or gaps stay as they are.
+    The mean has the impulse of the inputs that it stands for. Recordings with slower channels or uneven rows stay as
+    they are.
     """
     times = recording.times
     factor = int(period / recording.period + 1e-6)
     even = np.ptp(np.diff(times)) < 0.5 * recording.period
-    if factor < 2 or not even or not all(fresh.all() for fresh in recording.fresh.values()):
+    if factor < 2 or not even:
         return recording
     rows = np.arange(0, len(times) - factor + 1, factor)
+    if any(fresh[rows].mean() < _FRESH for fresh in recording.fresh.values()):
+        return recording
 
     def mean(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else np.add.reduceat(values[: rows[-1] + factor], rows) / factor
