@@ -112,7 +112,8 @@ def _told(
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
     values, doubts = _estimated(problem, final)
-    effects = tuple(_named(search, sealed, c, values) for c in checked.checked)
+    searched = values if final.names == found.names else _estimated(problem, of_its_own(found))[0] | values
+    effects = tuple(_named(search, sealed, c, searched, c.name in final.names) for c in checked.checked)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
     training = shown
     if opened:
@@ -253,7 +254,9 @@ def _chances(members: Sequence[Structure]) -> np.ndarray:
     return (weights / weights.sum(axis=0)).mean(axis=1)
 
 
-def _named(search: Search, sealed: HoldOut, checked: Checked, values: Mapping[str, Estimate]) -> NamedEffect:
+def _named(
+    search: Search, sealed: HoldOut, checked: Checked, values: Mapping[str, Estimate], in_model: bool
+) -> NamedEffect:
     """An effect with what cannot be told from it."""
     kind, site = checked.name
     parameters = parameters_of(kind, site, values)
@@ -268,7 +271,9 @@ def _named(search: Search, sealed: HoldOut, checked: Checked, values: Mapping[st
         near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
         rivals = [_rival(search, sealed, before, members[i], float(chances[i])) for i in near]
     statement = effect_sentence(kind, site, parameters, rivals)
-    return NamedEffect(kind, site, own, parameters, tuple(rivals), statement, checked.status, checked.explained)
+    return NamedEffect(
+        kind, site, own, parameters, tuple(rivals), statement, checked.status, checked.explained, in_model
+    )
 
 
 def _rival(search: Search, sealed: HoldOut, before: Structure, own: Structure, probability: float) -> Rival:

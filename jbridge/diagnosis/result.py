@@ -132,6 +132,8 @@ class NamedEffect:
     """`confirmed` by the hold-out, `suggested`, or `event` for what happened once, in the recordings alone."""
     explained: float | None = None
     """Share of the hold-out's excess squared error in windows of 1 s that comes back without it."""
+    in_model: bool = True
+    """Whether the final model has it: not an event, nor what the hold-out is met better without."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -121,6 +121,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "site": effect.site,
         "probability": effect.probability,
         "status": effect.status,
+        "in_model": effect.in_model,
         "explained": effect.explained,
         "parameters": _estimates(effect.parameters),
         "equivalents": [

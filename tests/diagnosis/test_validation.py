@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.validation.validate import _checked
+from jbridge.diagnosis.structures.space import make_space
+from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed
+from jbridge.diagnosis.validation.holdout import HoldOut
+from jbridge.diagnosis.validation.validate import _checked, validate
+from jbridge.identification.data.windows import make_data
+from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.evaluation import Evaluation
+from jbridge.identification.problem import make_setting
+from jbridge.model.files import Model
+from tests.identification.cases import play, steps
+from tests.problems import NUMBERS, make_plant
 
 DRAG = ("quadratic_drag", "cart")
 
@@ -26,6 +35,13 @@ class Run(Evaluation):
         return {"x": 1e-6 * self.total["x"], "psi": self.total["psi"]}
 
 
+def in_channel(losses, channel):
+    """Losses by block, all in one channel."""
+    out = np.zeros((len(losses), 3))
+    out[:, channel] = losses
+    return out
+
+
 @pytest.mark.parametrize(
     ("back", "left", "losses", "status"),
     [
@@ -37,7 +53,7 @@ class Run(Evaluation):
     ],
 )
 def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, left, losses, status):
-    found = _checked(DRAG, np.array(losses), Run(100.0), Run(left), Run(left + back))
+    found = _checked(DRAG, in_channel(losses, 0), Run(100.0), Run(left), Run(left + back))
     assert found.status == status
     assert found.explained == pytest.approx(back / max(100.0, left + back))
 
@@ -46,16 +62,60 @@ def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, lef
 def test_what_has_no_name_in_one_channel_speaks_against_nothing_in_another(back, status):
     """The cart's error is 100 times larger in units of its noise, and hardly changes."""
     before, after, without = Run(1e6, 100.0), Run(9e5, 20.0), Run(9e5, 20.0 + back)
-    found = _checked(DRAG, np.array([40.0, 60.0, 50.0]), before, after, without)
+    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 1), before, after, without)
     assert found.status == status
     assert found.explained == pytest.approx(0.5 * back / 100.0)
 
 
+def test_an_effect_is_judged_in_the_channel_in_which_it_matters():
+    """The cart's error is large and has no name; the swing's hardly exceeds the noise, and the effect closes it."""
+    before, after, without = Run(1e6, 0.9), Run(9e5, 0.1), Run(9e5, 0.8)
+    for channel, status in ((0, "suggested"), (1, "confirmed")):
+        assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], channel), before, after, without).status == status
+
+
 def test_where_nothing_exceeds_the_noise_steadiness_alone_decides():
-    found = _checked(DRAG, np.array([40.0, 60.0, 50.0]), Run(0.5), Run(0.1), Run(0.4))
+    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), Run(0.5), Run(0.1), Run(0.4))
     assert found.status == "confirmed" and found.explained is None
 
 
 def test_what_happened_once_is_an_event():
-    found = _checked(("missed_counts", "x_sensor"), np.array([-1.0, 0.0, 0.0]), Run(100.0), Run(1.0), Run(1.0))
+    found = _checked(("missed_counts", "x_sensor"), in_channel([-1.0, 0.0, 0.0], 0), Run(100.0), Run(1.0), Run(1.0))
     assert found.status == "event"
+
+
+@pytest.fixture(scope="module")
+def checked():
+    """Dry friction, and a force that pushed in one of the recordings alone, both fitted to all recordings."""
+    names = (("coulomb_friction", "cart"), ("constant_force", "cart"))
+    friction = ("coulomb_friction", "cart", {"level": 4.0})
+    pushed = ("constant_force", "cart", {"level": 2.0})
+    inputs = [np.stack([steps(500, seed), np.zeros(500)], axis=1) for seed in range(5)]
+    plants = [make_plant(friction), make_plant(friction, pushed), *3 * [make_plant(friction)]]
+    runs = [
+        play(plant, u, name=f"run-{i}.csv", start={"x": 0.6}, seed=i)
+        for i, (plant, u) in enumerate(zip(plants, inputs, strict=True))
+    ]
+    known = frozenset({"cart_mass", "cart_gain"})
+    model = Model(make_plant(), known, frozenset(NUMBERS), {}, "m.toml")
+    train, sealed = runs[:3], HoldOut(runs[3:])
+    setting = make_setting(model, train, runs[3:])
+    problem = make_problem(setting, make_data(train))
+    problem, given = fit_structure(problem, model.plant, known)
+    base = base_structure(problem, make_space(problem, model.plant, known, shared=False), given.point)
+    problem, both = fit_structure(problem, make_plant(friction, pushed), known)
+    space = make_space(problem, both.plant, known, shared=False)
+    keys = {name: ("level",) for name in names}
+    found = Structure(space, names, keys, dict.fromkeys(names, 0.0), both.point, np.zeros(0), np.inf)
+    return validate(problem, base, weighed(problem, found), sealed, lambda text: None)
+
+
+def test_what_gains_on_its_own_recordings_alone_is_no_part_of_the_model(checked):
+    assert {c.name: c.status for c in checked.checked} == {
+        ("coulomb_friction", "cart"): "confirmed",
+        ("constant_force", "cart"): "suggested",
+    }
+    assert checked.final.names == (("coulomb_friction", "cart"),)
+    assert [effect.kind for effect in checked.final.plant.effects] == ["coulomb_friction"]
+    assert checked.after.errors(1.0)["x"] < 0.2 * checked.before.errors(1.0)["x"]
+    assert checked.verdict[0] == "missing_physics"

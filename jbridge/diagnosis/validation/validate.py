@@ -2,9 +2,10 @@
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
 the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
-some channel, it explains more than what is left without a name: that, too, is a force that hold-outs repeat, and
-whatever effect is most like it imitates a part of it. Channels are not added up: what one of them cannot explain says
-nothing of another, and their noise, which a fine encoder makes as small as one likes, is no common unit.
+the channel in which it matters most, it explains more than what is left without a name: that, too, is a force that
+hold-outs repeat, and whatever effect is most like it imitates a part of it. Errors of channels are not added up: what
+one of them cannot explain says nothing of another, and their noise, which a fine encoder makes as small as one likes,
+is no common unit.
 """
 
 import dataclasses
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
 from ...identification.estimation import Problem, engine_for
 from ...identification.evaluation import Evaluation, Judge, make_judge, scatter
@@ -146,21 +148,32 @@ def validate(
     if not found.names:
         scatters = _scatters(problem, holdout, before)
         return Validation((), given, given, before, before, train_before, train_before, {}, scatters)
+    every, dropped = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
     criterion = likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
-    checked = []
-    for name in found.names:
-        tell(f"leaving out {name[0]} ({name[1]})")
-        reduced = _refitted(problem, final, base, [name])
-        run = judge.evaluate(reduced.plant, reduced.engine)
-        loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-        checked.append(_checked(name, loss, before, complete, run))
-    events = [c.name for c in checked if c.status == "event"]
-    if events:
-        final = _refitted(problem, final, base, events, own=True)
-        complete = judge.evaluate(final.plant, final.engine)
-    doubtful = [c.name for c in checked if c.status == "suggested"]
+    checked: list[Checked] = []
+    # What the hold-out speaks against is no part of the model, the worst first.
+    while final.names:
+        without = {}
+        for name in final.names:
+            tell(f"leaving out {name[0]} ({name[1]})")
+            reduced = _refitted(problem, every, base, [*dropped, name])
+            run = judge.evaluate(reduced.plant, reduced.engine)
+            loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
+            without[name] = _checked(name, loss, before, complete, run), reduced, run
+        refuted = [w for w in without.values() if w[0].status == "event" or w[0].steady < -CRITERIA.sure]
+        if not refuted:
+            break
+        worst, reduced, run = min(refuted, key=lambda found: found[0].steady)
+        checked.append(worst)
+        dropped.append(worst.name)
+        final, complete = reduced, run
+    checked += [without[name][0] for name in final.names]
+    if dropped:
+        final = _refitted(problem, every, base, dropped, own=True) if final.names else given
+        complete = judge.evaluate(final.plant, final.engine) if final.names else before
+    doubtful = [c.name for c in checked if c.status == "suggested" and c.name in final.names]
     sure = complete if not doubtful else before
     if doubtful and len(doubtful) < len(final.names):
         reduced = _refitted(problem, final, base, doubtful)
@@ -234,9 +247,20 @@ def _shown(before: Evaluation) -> tuple[float, list[str]]:
 def _checked(
     name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
 ) -> Checked:
-    total, (steady, freedom) = float(loss.sum()), steadiness(loss)
+    """What the hold-out says of an effect.
+
+    Args:
+        name: of the effect.
+        loss: of the criterion without it, by block and channel.
+        before: the model as given.
+        complete: the model with it.
+        run: the model without it.
+    """
+    total, (steady, freedom) = float(loss.sum()), steadiness(loss.sum(axis=1))
     own, closed = _explained(before, complete, run), _explained(before, complete)
-    nameless = bool(own) and all(own[axis] <= 1.0 - closed[axis] for axis in own)
+    # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
+    axis = AXES[int(loss.sum(axis=0).argmax())]
+    nameless = axis in own and own[axis] <= 1.0 - closed[axis]
     explained = float(np.mean(list(own.values()))) if own else None
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:
@@ -270,8 +294,9 @@ def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
 
 
 def _by_block(criterion: Likelihood, run: Evaluation, blocks: NDArray[np.int64]) -> NDArray[np.float64]:
-    value = criterion.by_window(run.square).sum(axis=1)
-    return np.array([value[blocks == b].sum() for b in range(int(blocks.max()) + 1)])
+    """The criterion by block and channel."""
+    value = criterion.by_window(run.square)
+    return np.array([value[blocks == b].sum(axis=0) for b in range(int(blocks.max()) + 1)])
 
 
 def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -> dict[float, dict[str, float] | None]:

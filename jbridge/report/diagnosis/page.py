@@ -231,6 +231,8 @@ def _status(effect: NamedEffect) -> str:
         return f"Confirmed: the hold-out is met worse without it, by more than two standard errors.{share}"
     if effect.status == "event":
         return "An event: it happened once, in these recordings alone, and the model file leaves it out."
+    if not effect.in_model:
+        return "Suggested: the recordings ask for it, but the hold-out is met better without it, as the model file is."
     return f"Suggested: the recordings ask for it, and the hold-out does not decide.{share}"
 
 
