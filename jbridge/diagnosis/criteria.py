@@ -11,7 +11,7 @@ class Criteria:
     met: float = 1.5
     """Error over noise, or measured scatter, up to which a channel is met; half of it would call noise an error."""
     named: float = 0.5
-    """Share of the excess squared error of the hold-out that confirmed effects must close for `missing_physics`."""
+    """Share of a channel's excess squared error on the hold-out that `missing_physics` asks of confirmed effects."""
     confirmed: float = 2.0
     """Standard errors over blocks by which the hold-out must be met worse without an effect for it to be confirmed."""
     sure: float = 1.0

@@ -145,11 +145,13 @@ def verdict_sentence(
 
 
 def _shares(explained: Mapping[str, float]) -> str:
-    """Shares of the hold-out's error at 1 s; of each channel where there are several."""
+    """Shares of the hold-out's error at 1 s; of the channels that are explained at all, where there are several."""
     if len(explained) < 2:
         return f"{share_of(sum(explained.values()))} of the hold-out's error at 1 s"
-    each = [f"{share_of(share)} in the {_CHANNEL_WORDS.get(axis, axis)}" for axis, share in explained.items()]
-    return f"of the hold-out's error at 1 s {', '.join(each[:-1])} and {each[-1]}"
+    each = [f"{share_of(s)} in the {_CHANNEL_WORDS.get(axis, axis)}" for axis, s in explained.items() if s > 0.0]
+    if not each:
+        return "nothing of the hold-out's error at 1 s"
+    return f"of the hold-out's error at 1 s {' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))}"
 
 
 def listed(effects: Sequence[NamedEffect]) -> str:

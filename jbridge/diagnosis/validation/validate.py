@@ -113,7 +113,7 @@ class Validation:
         """The verdict, and whether what remains is noise or measured scatter."""
         worst, _, _ = self.worst((self.after, self.train_after))
         met = worst <= CRITERIA.met
-        if self.confirmed and np.mean(list(self.explained.values()) or [0.0]) > CRITERIA.named:
+        if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
             return "missing_physics", met
         if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
