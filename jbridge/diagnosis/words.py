@@ -132,26 +132,25 @@ def verdict_sentence(
             f"{_times(ratio)} times it ({_CHANNEL_WORDS.get(axis, axis)}, {where})."
         )
     sure = [e for e in effects if e.status == "confirmed"]
+    explain = "explains" if len(sure) == 1 else "explain"
     if verdict == "missing_physics":
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in sure) else "The model lacks physics"
         rest = "What remains is noise." if complete else f"What remains, {left}, and has no name."
-        return f"{lead}: {listed(sure)} explains {_shares(explained)}. {rest}{late}"
+        return f"{lead}: {listed(sure)} {explain} {_shares(explained)}. {rest}{late}"
     if sure:
         return (
-            f"More is missing than has a name. What was found, {listed(sure)}, explains {_shares(explained)}; "
+            f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(explained)}; "
             f"what remains, {left}.{late}"
         )
     return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}.{late}"
 
 
 def _shares(explained: Mapping[str, float]) -> str:
-    """Shares of the hold-out's error at 1 s; of the channels that are explained at all, where there are several."""
-    if len(explained) < 2:
-        return f"{share_of(sum(explained.values()))} of the hold-out's error at 1 s"
-    each = [f"{share_of(s)} in the {_CHANNEL_WORDS.get(axis, axis)}" for axis, s in explained.items() if s > 0.0]
-    if not each:
-        return "nothing of the hold-out's error at 1 s"
-    return f"of the hold-out's error at 1 s {' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))}"
+    """Shares of the hold-out's error at 1 s, channel by channel where there are several."""
+    each = [share_of(share) if share > 0.0 else "nothing" for share in explained.values()] or ["nothing"]
+    if len(each) > 1:
+        each = [f"{said} ({_CHANNEL_WORDS.get(a, a)})" for said, a in zip(each, explained, strict=True)]
+    return f"{' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))} of the hold-out's error at 1 s"
 
 
 def listed(effects: Sequence[NamedEffect]) -> str:

@@ -155,6 +155,11 @@ def _larger(
     # promises less is looked at, too.
     while moves and not good:
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        # What gains on its own blocks alone may contain a law of fewer numbers that gains on others, too.
+        too_many = [s for s in tried if s.value < now.value and not accepts(now, s)]
+        simpler = {m.numbers: m for s in too_many for m in simplifications(problem, base, s)}
+        known = {*seen, *(frozenset(s.free) for s in tried)}
+        tried += _all_fitted(problem, [m for numbers, m in simpler.items() if numbers not in known], now, deadline)
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]

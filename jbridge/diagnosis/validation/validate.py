@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from ..._types import AXES
@@ -269,7 +270,7 @@ def _checked(
     return Checked(name, "event" if once else "suggested", explained, total, steady)
 
 
-_NORMAL_SHARE = 0.977250
+_NORMAL_SHARE = float(normal.cdf(CRITERIA.confirmed))
 """Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
 
 
