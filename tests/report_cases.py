@@ -337,7 +337,6 @@ def unknown():
             {"cart": 0.6, "cart_drive": 0.4},
             (Region("x", 0.6, 0.9, 0.7),),
             (),
-            {"cart": 1234.5, "x_sensor": 1210.0, "swing": -3.0},
             tuple(missing_force(trace) for trace in full.traces if trace.role == "train"),
             LIKENESS,
         ),

@@ -126,7 +126,6 @@ def test_odd_recordings_are_drawn(case):
         {"cart": 1.0},
         (Region("time_since_reversal", 0.0, 0.1, 0.5), Region("psi", -0.1, 0.1, 0.4), Region("t", 0.0, 1.0, 0.2)),
         (Interval(trace.recording, 1.0, 2.0),),
-        {"cart": 120.0, "x_sensor": 80.0},
         (cases.missing_force(trace),),
         cases.LIKENESS,
     )

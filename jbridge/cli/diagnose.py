@@ -16,8 +16,8 @@ DIR receives report.html (to look at), report.json (the same in numbers),
 model.toml (the model with what was found) and the figures.
 
 Recordings behind --holdout are the proof: no number is learned from them, and
-they are opened once, when the structure is fixed. Without any, the last quarter
-of the recordings plays that part. Ctrl-C writes what was found by then, without
+they are opened when the search has ended. Without any, the last quarter of the
+recordings plays that part. Ctrl-C writes what was found by then, without
 a verdict.
 
 Where explanations cannot be told apart, DIR receives next_experiment.csv, an
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
         metavar="SECONDS",
         type=_budget,
         default=300.0,
-        help="time for the whole diagnosis; what was found by then is reported (%(default)g)",
+        help="time for the diagnosis, about; what was found by then is reported (%(default)g)",
     )
     diagnose.add_argument(
         "--with",

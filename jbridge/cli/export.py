@@ -11,7 +11,7 @@ Writes a controller or a model in the language of another program.
 
 A controller or a model becomes one header in C99 (--to c): no allocation,
 double or float, and a self-test; a model with all its effects moves on by
---period seconds at each call. The same becomes a functional mock-up unit
+--period seconds at each call. A model becomes a functional mock-up unit
 (--to fmu, FMI 3.0 co-simulation), with a library where a C compiler is found.
 A model also becomes MuJoCo's XML (--to mujoco), a linear system about the load
 hanging still on --rope metres for Python (--to statespace), or a MATLAB

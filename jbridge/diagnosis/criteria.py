@@ -30,7 +30,7 @@ class Criteria:
     rounds: int = 12
     """Most effects that a search adds; a guard, not a limit that is met."""
     apart: float = 0.05
-    """Share of resamples in which another explanation must be the best for the two not to count as told apart."""
+    """Weight, as a mean over resamples, from which on another explanation counts as not told apart."""
     bootstrap: int = 200
     """Resamples of blocks behind a probability."""
     rivals: int = 3

@@ -36,7 +36,7 @@ from .validation.validate import Checked, Fixed, Validation, of_its_own, unopene
 from .words import amount, effect_sentence, verdict_sentence
 
 BUDGET = 300.0
-"""Time that a diagnosis takes at most [s], a quarter of it for the validation."""
+"""Time that a diagnosis takes, about [s], a quarter of it for the validation."""
 
 
 @one_thread_each
@@ -55,9 +55,9 @@ def diagnose(
     Args:
         model: structure, start values and what is known.
         recordings: measured runs from which everything is chosen.
-        holdout: runs from which no number is learned, and which are opened once, when the structure is fixed: the
-            proof. Without any, the last quarter of the recordings (of the time, if there is one recording) plays their
-            part, and the report says so.
+        holdout: runs from which no number is learned, and which are opened when the search has ended: the proof.
+            Without any, the last quarter of the recordings (of the time, if there is one recording) plays their part,
+            and the report says so.
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis.
         budget: time for all of it [s]. A search that it cuts short reports what was found by then.

@@ -95,11 +95,9 @@ class Location:
     equation: str
     """`cart`, `swing`, `hoist` or `none`."""
     sites: Mapping[str, float]
-    """Probability by site, largest first."""
+    """Share of the criterion's gain by site, largest first."""
     where: tuple[Region, ...]
     when: tuple[Interval, ...]
-    evidence: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """Log probability of the recordings with an unknown force or signal at a site, over that with none, by site."""
     forces: tuple[MissingForce, ...] = ()
     """What the model as given lacks, by training recording."""
     likeness: Likeness | None = None
@@ -124,7 +122,7 @@ class NamedEffect:
     kind: str
     site: str
     probability: float | None
-    """Share of resamples of the recordings' blocks in which it is the best of itself and its equivalents."""
+    """Its weight among itself and its equivalents, as a mean over resamples of the recordings' blocks."""
     parameters: Mapping[str, Estimate]
     equivalents: tuple[Rival, ...]
     statement: str

@@ -45,7 +45,8 @@ class Recording:
     l: np.ndarray | None
     """Measured rope length [m]; also with a locked rope, since a constant reading may carry an offset."""
     fresh: dict[str, np.ndarray]
-    """Per measured channel: True where a row has a new sample, False where a slower sensor repeats one."""
+    """Per measured channel: True where a row has a new sample, False where a slower sensor repeats one or
+    the log lost the row."""
     resolution: dict[str, float]
     """Per measured channel: size of one count [m, rad], declared or estimated; 0 where none can be seen."""
     units: dict[str, str]

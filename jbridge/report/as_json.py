@@ -107,12 +107,9 @@ def _location(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _missing_force(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Evidence for an unknown force or signal at each site, and what the force is like; null without an alarm."""
-    location = diagnosis.location
-    if not location.evidence and location.likeness is None:
-        return None
-    likeness = None if location.likeness is None else dataclasses.asdict(location.likeness)
-    return {"evidence": location.evidence, "likeness": likeness}
+    """What the missing force is like; null where nothing is told of it."""
+    likeness = diagnosis.location.likeness
+    return None if likeness is None else {"likeness": dataclasses.asdict(likeness)}
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:

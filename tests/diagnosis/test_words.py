@@ -36,7 +36,7 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
         (said("missing_physics", [FRICTION], 0.99996), "explains 99.9 % of"),
         (
             said("missing_physics", [FRICTION], {"x": 0.98, "psi": -0.1, "l": 0.3}),
-            "explains 98 % (cart position), nothing (swing angle) and 30 % (rope length) of the hold-out's error at 1 s.",
+            "explains 98 % (cart position), nothing (swing angle) and 30 % (rope length) of the hold-out's error",
         ),
         (said("unknown", [FRICTION], -0.98), "explains nothing of the hold-out's error at 1 s"),
         (said("missing_physics", [FRICTION, MASS]), "explain 96.2 %"),

@@ -1,7 +1,8 @@
 """The next experiment: the input that separates best what the recordings cannot tell apart.
 
-Every input of a library (`plays`) is simulated by every rival within the limits of the recordings (`reach`), judged by
-the chance of a wrong decision that it leaves (`separate`), and the best ones are tried with other sizes and periods.
+Every input of a library (`inputs`) is simulated by every rival within the limits of the recordings (`limits`), judged
+by the chance of a wrong decision that it leaves (`discrimination`), and the best ones are tried with other sizes and
+periods.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -40,7 +40,7 @@ def location(search: Search, effects: Sequence[NamedEffect], traces: Sequence[Tr
         if drawn
         else ()
     )
-    return Location(at, equation_of(axis), sites, where, when, {}, forces, likeness)
+    return Location(at, equation_of(axis), sites, where, when, forces, likeness)
 
 
 def shares(search: Search) -> dict[str, float]:

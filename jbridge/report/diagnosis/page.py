@@ -281,23 +281,7 @@ def _place(diagnosis: Diagnosis, gallery: Gallery) -> str:
         show_all(gallery.evidence),
         paragraph(location.likeness.statement if location.likeness else ""),
         show_all(gallery.missing),
-        _evidence(location.evidence),
         show_all(gallery.forces),
-    )
-
-
-def _evidence(evidence: Mapping[str, float]) -> str:
-    """How much more probable an unknown force or signal at each site makes the recordings."""
-    if not evidence:
-        return ""
-    rows = [(capital(site_name(site)), f"{value:,.0f}") for site, value in evidence.items()]
-    return fold(
-        "evidence for an unknown force or signal, place by place",
-        paragraph(
-            "One smooth force or signal at a time, free to be anything: by how much it raises the logarithm of the "
-            "recordings' probability. A force at the right place explains most; what follows closely is not ruled out."
-        )
-        + table(("place", "evidence"), rows, numbers=(1,)),
     )
 
 

@@ -118,7 +118,7 @@ def _place(diagnosis: Diagnosis) -> str:
         equation = EQUATIONS.get(location.equation)
         return f"no single place in the {equation}" if equation else "none"
     share = location.sites.get(location.site)
-    evidence = f", {percent(share)} of the evidence" if share is not None else ""
+    evidence = f", {percent(share)} of the criterion's gain" if share is not None else ""
     return f"{site_name(location.site)} ({EQUATIONS.get(location.equation, 'no equation')}){evidence}"
 
 
