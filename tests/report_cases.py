@@ -108,16 +108,23 @@ BRIDGE = {
     "cart_gain": Estimate(16.04, 0.11, 15.82, 16.26, "N/V"),
     "hoist_gain": Estimate(2.97, math.nan, None, None, "N/V"),
 }
-COULOMB = NamedEffect("coulomb_friction", "cart", None, {"level": Estimate(3.02, 0.05, 2.92, 3.12, "N")}, (), "")
+COULOMB = NamedEffect(
+    kind="coulomb_friction",
+    site="cart",
+    probability=None,
+    parameters={"level": Estimate(3.02, 0.05, 2.92, 3.12, "N")},
+    equivalents=(),
+    statement="",
+)
 DEAD_ZONE = NamedEffect(
-    "dead_zone",
-    "cart_drive",
-    0.97,
-    {
+    kind="dead_zone",
+    site="cart_drive",
+    probability=0.97,
+    parameters={
         "positive": Estimate(0.3012, 0.011, 0.2801, 0.3224, "V"),
         "negative": Estimate(0.2984, 0.012, 0.275, 0.322, "V"),
     },
-    (
+    equivalents=(
         Rival(
             "stribeck_friction",
             "cart",
@@ -131,14 +138,14 @@ DEAD_ZONE = NamedEffect(
         ),
         Rival("wrong_value", "load_mass", 0.004, {"value": Estimate(0.31, 0.02, 0.27, 0.35, "kg")}, {"x": 4.4e-3}),
     ),
-    "The motor does nothing below about 0.30 V in either direction.",
+    statement="The motor does nothing below about 0.30 V in either direction.",
 )
 KNOTS = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4]
 FRICTION_MAP = NamedEffect(
-    "position_direction_friction",
-    "cart",
-    0.88,
-    {
+    kind="position_direction_friction",
+    site="cart",
+    probability=0.88,
+    parameters={
         "knots": Estimate(KNOTS, None, None, None, "m"),
         "positive": Estimate(
             [0.1, 0.3, 0.8, 2.1, 2.4, 1.1, 0.4, 0.2],
@@ -155,8 +162,8 @@ FRICTION_MAP = NamedEffect(
             "N",
         ),
     },
-    (),
-    "Dry friction of the cart is up to 2.4 N larger around x = 0.8 m than at the ends of the rail.",
+    equivalents=(),
+    statement="Dry friction of the cart is up to 2.4 N larger around x = 0.8 m than at the ends of the rail.",
 )
 
 

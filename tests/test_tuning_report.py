@@ -15,7 +15,18 @@ def tuning(**after):
     measures = {"train": (before, before), "held_out": (before, before | after)}
     none = np.zeros(1)
     given = Controller(Pid())
-    return Tuning(given, given, {}, none, none, {}, measures, ({}, {}), 0, 0.0)
+    return Tuning(
+        controller=given,
+        given=given,
+        coordinates={},
+        history=none,
+        softness=none,
+        costs={},
+        measures=measures,
+        responses=({}, {}),
+        rollouts=0,
+        seconds=0.0,
+    )
 
 
 def test_nothing_that_is_no_worse_is_warned_of():

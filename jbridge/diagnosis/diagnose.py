@@ -123,7 +123,14 @@ def _told(
     axis = {"cart": "x", "swing": "psi", "hoist": "l"}.get(place.equation)
     given = Counter((e.kind, e.site) for e in model.plant.effects)
     own = tuple(
-        NamedEffect(kind, site, None, parameters_of(kind, site, values, number), (), "")
+        NamedEffect(
+            kind=kind,
+            site=site,
+            probability=None,
+            parameters=parameters_of(kind, site, values, number),
+            equivalents=(),
+            statement="",
+        )
         for (kind, site), count in given.items()
         for number in range(1, count + 1)
     )
@@ -272,7 +279,15 @@ def _named(
         rivals = [_rival(search, sealed, before, members[i], float(chances[i])) for i in near]
     statement = effect_sentence(kind, site, parameters, rivals)
     return NamedEffect(
-        kind, site, own, parameters, tuple(rivals), statement, checked.status, checked.explained, in_model
+        kind=kind,
+        site=site,
+        probability=own,
+        parameters=parameters,
+        equivalents=tuple(rivals),
+        statement=statement,
+        status=checked.status,
+        explained=checked.explained,
+        in_model=in_model,
     )
 
 

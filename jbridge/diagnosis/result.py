@@ -115,7 +115,7 @@ class Rival:
     """Free-run error on the hold-out by channel [m, rad, m]."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class NamedEffect:
     """A piece of physics with its parameters."""
 

@@ -80,16 +80,18 @@ def fit(
     ]
     shown = [trace for a, b, role in runs for trace in traces((given, a), (fitted.plant, b), role)]
     return Fit(
-        dataclasses.replace(model, plant=fitted.plant, uncertainty=as_uncertainty(found)),
-        found,
-        runs[0][1].as_errors(),
-        runs[1][1].as_errors() if holdout else None,
-        setting.noise,
-        tuple(warnings(named, fitted.vector, fitted.free, cov)),
-        tuple(dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))),
-        tuple(shown),
-        WINDOW,
-        time.perf_counter() - begun,
+        model=dataclasses.replace(model, plant=fitted.plant, uncertainty=as_uncertainty(found)),
+        estimates=found,
+        train=runs[0][1].as_errors(),
+        holdout=runs[1][1].as_errors() if holdout else None,
+        noise=setting.noise,
+        warnings=tuple(warnings(named, fitted.vector, fitted.free, cov)),
+        notes=tuple(
+            dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))
+        ),
+        traces=tuple(shown),
+        window=WINDOW,
+        seconds=time.perf_counter() - begun,
     )
 
 

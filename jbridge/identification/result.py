@@ -21,7 +21,7 @@ class Estimate:
     unit: str
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Trace:
     """One recording beside its simulations, on the engine's grid."""
 
@@ -56,7 +56,7 @@ class Errors:
     window: Mapping[str, float]
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, kw_only=True)
 class Fit(Displayed):
     """A model fitted to recordings."""
 

@@ -47,16 +47,17 @@ def traces(before: tuple[Plant, Evaluation], after: tuple[Plant, Evaluation], ro
         near = np.clip(np.searchsorted(moved.times, grid.times), 0, len(moved.times) - 1)
         out.append(
             Trace(
-                recording.name,
-                role,
-                grid.times,
-                inputs,
-                measured,
-                runs[0],
-                runs[1],
-                _at(near, moved.q),
-                _at(near, moved.v),
-                *(_at(near, _unexplained(*pair[i], close)) for pair in (first, last)),
+                recording=recording.name,
+                role=role,
+                times=grid.times,
+                inputs=inputs,
+                measured=measured,
+                before=runs[0],
+                after=runs[1],
+                coordinates=_at(near, moved.q),
+                velocities=_at(near, moved.v),
+                force_before=_at(near, _unexplained(*first[i], close)),
+                force_after=_at(near, _unexplained(*last[i], close)),
             )
         )
     return tuple(out)

@@ -23,7 +23,7 @@ class Commands:
     u_l: np.ndarray | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """Inputs and measurements of one run; its arrays are read-only and all of the length of `times`.
 

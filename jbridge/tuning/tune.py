@@ -40,7 +40,7 @@ _LOST = 1.1
 _HELD_OUT_MOVES = 4
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Tuning:
     """A tuned controller and how it compares."""
 
@@ -140,16 +140,16 @@ def tune(  # noqa: PLR0913
     judges = {"train": Measure(course), "held_out": Measure(others)}
     measures = {name: (judge(given), judge(tuned)) for name, judge in judges.items()}
     return Tuning(
-        dataclasses.replace(controller, law=tuned),
-        controller,
-        {knob.name: float(value) for knob, value in zip(knobs.knobs, z, strict=True)},
-        history,
-        softness,
-        costs,
-        measures,
-        (_response(course, given), _response(course, tuned)),
-        rollouts,
-        time.perf_counter() - begun,
+        controller=dataclasses.replace(controller, law=tuned),
+        given=controller,
+        coordinates={knob.name: float(value) for knob, value in zip(knobs.knobs, z, strict=True)},
+        history=history,
+        softness=softness,
+        costs=costs,
+        measures=measures,
+        responses=(_response(course, given), _response(course, tuned)),
+        rollouts=rollouts,
+        seconds=time.perf_counter() - begun,
     )
 
 

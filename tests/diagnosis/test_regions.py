@@ -108,9 +108,30 @@ def estimate(value, low=None, high=None):
 
 
 def test_named_effects_tell_their_times():
-    push = NamedEffect("wind", "swing", 1.0, {"start": estimate(3.0), "stop": estimate(6.5)}, (), "")
-    jump = NamedEffect("missed_counts", "x_sensor", 1.0, {"time": estimate(5.3, 5.25, 5.4)}, (), "")
-    drag = NamedEffect("quadratic_drag", "cart", 1.0, {"coefficient": estimate(3.0)}, (), "")
+    push = NamedEffect(
+        kind="wind",
+        site="swing",
+        probability=1.0,
+        parameters={"start": estimate(3.0), "stop": estimate(6.5)},
+        equivalents=(),
+        statement="",
+    )
+    jump = NamedEffect(
+        kind="missed_counts",
+        site="x_sensor",
+        probability=1.0,
+        parameters={"time": estimate(5.3, 5.25, 5.4)},
+        equivalents=(),
+        statement="",
+    )
+    drag = NamedEffect(
+        kind="quadratic_drag",
+        site="cart",
+        probability=1.0,
+        parameters={"coefficient": estimate(3.0)},
+        equivalents=(),
+        statement="",
+    )
     # The second recording ends before the push does, the third before it begins.
     found = times_of([drag, push, jump], [("a.csv", 16.0), ("b.csv", 6.0), ("b.csv", 2.0)])
     assert [(i.recording, i.start, i.stop) for i in found] == [
@@ -121,7 +142,14 @@ def test_named_effects_tell_their_times():
 
 def test_a_push_that_never_ends_is_at_no_particular_time():
     def push(start, stop):
-        return NamedEffect("wind", "swing", 1.0, {"start": estimate(start), "stop": estimate(stop)}, (), "")
+        return NamedEffect(
+            kind="wind",
+            site="swing",
+            probability=1.0,
+            parameters={"start": estimate(start), "stop": estimate(stop)},
+            equivalents=(),
+            statement="",
+        )
 
     assert times_of([push(-0.1, 32.0)], [("a.csv", 16.0)]) == ()
     (late,) = times_of([push(5.0, 32.0)], [("a.csv", 16.0)])

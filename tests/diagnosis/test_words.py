@@ -8,9 +8,26 @@ from jbridge.diagnosis.result import NamedEffect, Rival
 from jbridge.diagnosis.words import effect_sentence, verdict_sentence
 from jbridge.identification.result import Estimate
 
-FRICTION = NamedEffect("coulomb_friction", "cart", 1.0, {}, (), "")
-MASS = NamedEffect("wrong_value", "load_mass", 1.0, {"value": Estimate(0.2, 0.01, 0.18, 0.22, "kg")}, (), "")
-DOUBTED = NamedEffect("coulomb_friction", "cart", 1.0, {}, (), "", "suggested")
+FRICTION = NamedEffect(
+    kind="coulomb_friction", site="cart", probability=1.0, parameters={}, equivalents=(), statement=""
+)
+MASS = NamedEffect(
+    kind="wrong_value",
+    site="load_mass",
+    probability=1.0,
+    parameters={"value": Estimate(0.2, 0.01, 0.18, 0.22, "kg")},
+    equivalents=(),
+    statement="",
+)
+DOUBTED = NamedEffect(
+    kind="coulomb_friction",
+    site="cart",
+    probability=1.0,
+    parameters={},
+    equivalents=(),
+    statement="",
+    status="suggested",
+)
 
 
 def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete=False, stopped="criterion"):

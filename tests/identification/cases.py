@@ -33,21 +33,21 @@ def make_recording(name: str, times: NDArray[np.float64], **channels: NDArray[np
     inputs = [key for key in ("u_x", "u_l") if key in channels]
     length = 0.7 if "psi" in channels and "l" not in channels else None
     return Recording(
-        name,
-        times,
-        channels.get("u_x"),
-        channels.get("u_l"),
-        channels.get("x"),
-        channels.get("psi"),
-        channels.get("l"),
-        {key: np.ones(len(times), bool) for key in measured},
-        dict.fromkeys(measured, 0.0),
-        dict.fromkeys(inputs, "V"),
-        length,
-        {},
-        {},
-        {},
-        (),
+        name=name,
+        times=times,
+        u_x=channels.get("u_x"),
+        u_l=channels.get("u_l"),
+        x=channels.get("x"),
+        psi=channels.get("psi"),
+        l=channels.get("l"),
+        fresh={key: np.ones(len(times), bool) for key in measured},
+        resolution=dict.fromkeys(measured, 0.0),
+        units=dict.fromkeys(inputs, "V"),
+        locked_length=length,
+        override={},
+        initial={},
+        extras={},
+        notes=(),
     )
 
 

@@ -70,7 +70,7 @@ class Fixed:
         return self.engine.table
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Validation:
     """The hold-out's answer."""
 
@@ -148,7 +148,17 @@ def validate(
     train_before = own.evaluate(given.plant, given.engine)
     if not found.names:
         scatters = _scatters(problem, holdout, before)
-        return Validation((), given, given, before, before, train_before, train_before, {}, scatters)
+        return Validation(
+            checked=(),
+            given=given,
+            final=given,
+            before=before,
+            after=before,
+            train_before=train_before,
+            train_after=train_before,
+            explained={},
+            scatter=scatters,
+        )
     every, dropped = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
     criterion = likelihood(complete.data, complete.windows, complete.left)
@@ -180,15 +190,15 @@ def validate(
         reduced = _refitted(problem, final, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
     return Validation(
-        tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
-        given,
-        final,
-        before,
-        complete,
-        train_before,
-        own.evaluate(final.plant, final.engine),
-        _explained(before, sure),
-        _scatters(problem, holdout, before),
+        checked=tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
+        given=given,
+        final=final,
+        before=before,
+        after=complete,
+        train_before=train_before,
+        train_after=own.evaluate(final.plant, final.engine),
+        explained=_explained(before, sure),
+        scatter=_scatters(problem, holdout, before),
     )
 
 
@@ -213,7 +223,17 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
-    return Validation(checked, of_its_own(base), final, before, after, before, after, {}, {})
+    return Validation(
+        checked=checked,
+        given=of_its_own(base),
+        final=final,
+        before=before,
+        after=after,
+        train_before=before,
+        train_after=after,
+        explained={},
+        scatter={},
+    )
 
 
 def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:

@@ -76,7 +76,19 @@ def fit_gallery(fit: Fit) -> Gallery:
     traces = choose(fit.traces, fit.noise, ())
     labels = _labels(fit.traces, _FITTED, alone=_FITTED[1])
     return Gallery(
-        maps=_maps([NamedEffect(part.kind or "", part.site or "", None, part.parameters, (), "") for part in effects]),
+        maps=_maps(
+            [
+                NamedEffect(
+                    kind=part.kind or "",
+                    site=part.site or "",
+                    probability=None,
+                    parameters=part.parameters,
+                    equivalents=(),
+                    statement="",
+                )
+                for part in effects
+            ]
+        ),
         signals=tuple(draw_signals(_name("signals", trace), trace, units, labels) for trace in traces),
         residuals=tuple(draw_residuals(_name("residuals", trace), trace, fit.noise, (), labels) for trace in traces),
     )
@@ -111,7 +123,17 @@ def simulation_signals(simulation: Simulation) -> Picture:
     }
     inputs = {name: simulation[name] for name in ("u_x", "u_l") if name in simulation}
     trace = Trace(
-        recording.name, "simulated", recording.times - recording.start, inputs, measured, {}, simulated, {}, {}, {}, {}
+        recording=recording.name,
+        role="simulated",
+        times=recording.times - recording.start,
+        inputs=inputs,
+        measured=measured,
+        before={},
+        after=simulated,
+        coordinates={},
+        velocities={},
+        force_before={},
+        force_after={},
     )
     return draw_signals(_name("signals", trace), trace, recording.units, ("", "simulated"))
 
