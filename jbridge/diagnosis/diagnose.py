@@ -70,7 +70,7 @@ def diagnose(
     Raises:
         InputError: model and recordings do not go together.
     """
-    begun, deadline = time.perf_counter(), time.monotonic() + 0.75 * budget
+    begun = time.monotonic()
     tell = progress or (lambda text: None)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
@@ -84,18 +84,18 @@ def diagnose(
     problem = make_problem(setting, make_data(setting.recordings))
     problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
     space = make_space(problem, fitted.plant, model.known, shared=False)
-    search = select(problem, base_structure(problem, space, fitted.point), tell, deadline)
+    search = select(problem, base_structure(problem, space, fitted.point), tell, begun + 0.75 * budget)
     base, found = search.held[0], search.held[-1]
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)
     else:
-        checked = validate(search.problem, base, found, sealed, tell)
+        checked = validate(search.problem, base, found, sealed, tell, begun + budget)
     result = _told(model, search, checked, sealed, tell)
     return dataclasses.replace(
         result,
         continued=None if former is None else continued(former, result.effects, [r.name for r in new]),
         notes=tuple(dict.fromkeys(notes)),
-        seconds=time.perf_counter() - begun,
+        seconds=time.monotonic() - begun,
     )
 
 

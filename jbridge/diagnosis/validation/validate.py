@@ -10,6 +10,7 @@ is no common unit.
 
 import dataclasses
 import math
+import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -127,6 +128,7 @@ def validate(
     found: Structure,
     sealed: HoldOut,
     tell: Callable[[str], None],
+    deadline: float = math.inf,
 ) -> Validation:
     """Opens the hold-out.
 
@@ -136,6 +138,7 @@ def validate(
         found: the model that was chosen.
         sealed: recordings that took no part.
         tell: takes a line on what is being done.
+        deadline: of `time.monotonic` [s], after which no effect is judged once more beside fewer others.
     """
     setting = problem.setting
     tell("validating on the hold-out")
@@ -180,6 +183,8 @@ def validate(
         checked.append(worst)
         dropped.append(worst.name)
         final, complete = reduced, run
+        if time.monotonic() > deadline:
+            break
     checked += [without[name][0] for name in final.names]
     if dropped:
         final = _refitted(problem, every, base, dropped, own=True) if final.names else given
