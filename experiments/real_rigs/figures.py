@@ -38,9 +38,9 @@ def table(rows: dict[str, Row], rigs: dict[str, Row]) -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for name, row in rows.items():
-        share = row["explained"]["all"]
         said = [f"`{row['verdict']}`" + (", complete" if row["complete"] else "")]
-        said += [] if share is None else [percent(share)]
+        shares = {axis: share for axis, share in row["explained"].items() if axis != "all" and share is not None}
+        said += [f"{NAMES[axis]} {percent(share)}" for axis, share in shares.items() if row["effects"]]
         said += [] if row["stopped"] == "criterion" else [f"stopped by the {row['stopped']}"]
         lines.append(
             f"| {name} | {rigs[name]['known']} | {', '.join(said)} | {named(row)} | {errors(row)} |"
