@@ -68,7 +68,7 @@ KEPT = {
 def test_table_and_picture_are_drawn_from_kept_numbers(tmp_path):
     figures.draw({"emps": KEPT}, RIGS, tmp_path)
     [row] = [line for line in (tmp_path / "real-rigs-table.md").read_text().splitlines() if line.startswith("| emps")]
-    assert "`missing_physics`, 90 %" in row
+    assert "`missing_physics`, x 90 %" in row
     assert "coulomb friction cart (confirmed; 90 %): level 20.4 N; cart mass 95.1 kg |" in row
     assert "| x 100 to 2 | 60 | 1.2 |" in row
     assert (tmp_path / "real-rigs.png").stat().st_size > 1000
