@@ -16,7 +16,7 @@ from ..model.parameters import ParameterTable
 from .data.windows import Data
 from .likelihood import Index, Likelihood
 from .sensitivity.engine import Engine, Job, Sensitivity
-from .sensitivity.windowed_rollout import STATES
+from .sensitivity.windowed_rollout import FAR, STATES
 
 _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _REACH = 3.0
@@ -159,6 +159,8 @@ def residuals(engine: Engine, data: Data, start: Start | Point) -> list[NDArray[
 
 def residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     r = data.tilings[tiling].recording
+    # What is no number counts as one that is far off, like a simulation that runs away.
+    predicted = np.where(np.isfinite(predicted), predicted, FAR)
     return np.where(data.measured[r], (predicted - data.y[r]) / data.noise[r], 0.0)
 
 
@@ -202,7 +204,7 @@ def normal_equations(
         table = np.empty((3, n + 1 + STATES, data.samples))
         for row, column in enumerate(found.columns):
             np.multiply(column, scale, out=table[:, row if row < n else row + 1])
-        np.multiply((found.predicted - data.y[r]).T, scale, out=table[:, n])
+        table[:, n] = residual(data, k, found.predicted).T
         own = slice(first, first + tiling.windows)
         products = _products(table, tiling.begins, tiling.stops)
         away = point.states[k] - tiling.states

@@ -70,3 +70,11 @@ def test_a_load_that_its_winch_does_not_hold_is_no_reason_to_refuse():
     _, model = fitted(Model(make_plant(), known, frozenset(NUMBERS), {}, ""), [run])
     assert np.isfinite(model.point.value)
     assert values(model.plant)["cart_gain"] == pytest.approx(values(true)["cart_gain"], rel=0.05)
+
+
+def test_a_start_from_which_nothing_finite_comes_is_far_off(runs):
+    problem, model = fitted(cart_model(), runs)
+    start = Start(model.vector, model.free, model.point.states)
+    lost = Start(model.vector, model.free, tuple(np.full_like(s, np.nan) for s in model.point.states))
+    found, other = problem.solve(model.engine, [lost, start], 3)
+    assert np.isfinite(found.value) and found.value > other.value

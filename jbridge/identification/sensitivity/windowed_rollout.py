@@ -26,7 +26,7 @@ STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
 BLOCK = 64
 """Samples of a block of time: what is computed before and after the steps of a block stays in the processor's cache."""
-_FAR = 1e3
+FAR = 1e3
 _FAST = 1e3
 """Bounds of coordinates [m, rad] and velocities, beyond which a simulation has run away: it goes on there, so that it
 counts as one that is far off, not as one that says nothing."""
@@ -225,7 +225,7 @@ def _bounded(carry: Motions) -> Motions:
 
     least = Motion._fields.index("l"), Motion._fields.index("loaded")
     q = [
-        None if part is None else within(part, _WOUND_IN if k in least else -_FAR, _FAR)
+        None if part is None else within(part, _WOUND_IN if k in least else -FAR, FAR)
         for k, part in enumerate(carry.q)
     ]
     v = [None if part is None else within(part, -_FAST, _FAST) for part in carry.v]

@@ -360,6 +360,13 @@ def test_sensors(kind, site):
     np.testing.assert_allclose(ours[known], expected[known], rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.parametrize("kind", [kind for kind in SENSORS if kind != "sensor_delay"])
+def test_a_sensor_reads_a_single_sample(kind):
+    sensor = make_effect(kind, "x_sensor", EXAMPLES[kind])
+    reading = sensor.read(jnp.array([0.3]), jnp.array([0.5]), jnp.array([0.5]))
+    assert np.isfinite(np.array(reading)).all()
+
+
 def test_all_effects_at_null_are_none():
     """The plant with every effect at null moves and reads like the bare bridge."""
     lane, start = make_lane(lively_inputs(100)), make_state(psi=0.2, rates=(0.1, 0.5, -0.2))
