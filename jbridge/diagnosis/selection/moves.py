@@ -98,7 +98,7 @@ def added(
 
     def ready(tried: _Tried) -> Move:
         candidate = tried.candidate
-        move = _with(problem, part, now, among, candidate, tried.point, choice[candidate.name])
+        move = with_effects(problem, part, now, among, [candidate], tried.point, choice)
         return dataclasses.replace(move, promise=tried.promise)
 
     return [ready(order[k]) for k in kept], [ready(order[k]) for k in later]
@@ -158,25 +158,34 @@ def together(problem: Problem, now: Structure, first: Structure, other: Structur
     )
 
 
-def _with(
-    problem: Problem, part: Problem, now: Structure, among: AmongAll, added: Candidate, point: Point, choice: float
+def with_effects(
+    problem: Problem,
+    part: Problem,
+    now: Structure,
+    among: AmongAll,
+    added: Sequence[Candidate],
+    point: Point,
+    choice: Mapping[Name, float],
 ) -> Move:
-    """A model with an effect that was fitted to some windows beside all others."""
-    names = (*now.names, added.name)
+    """A model with effects that were fitted to some windows beside all others."""
+    new = [candidate.name for candidate in added]
+    names = (*now.names, *new)
     plant = among.space.plant_of(point.vector, names)
-    known = now.known - ({added.site} if added.kind == WRONG_VALUE else set())
+    known = now.known - {candidate.site for candidate in added if candidate.kind == WRONG_VALUE}
     space = make_space(problem, plant, known, shared=False)
-    # Where it is absent, all else stands as in the model without it.
+    # Where they are absent, all else stands as in the model without them.
     before = among.space.with_values(now.plant)
-    absent = among.space.plant_of(added.set(among.space.table, before), names)
+    for candidate in added:
+        before = candidate.set(among.space.table, before)
+    absent = among.space.plant_of(before, names)
     free = [among.space.table.entry(int(p)).name for p in point.free]
     places = np.array([space.table.positions(name)[0] for name in free], np.int64)
     states = problem.states_with(now.point.states, part, point.states)
     return Move(
         space,
         names,
-        {**now.keys, added.name: added.free},
-        {**now.choices, added.name: choice},
+        {**now.keys, **{candidate.name: candidate.free for candidate in added}},
+        {**now.choices, **{name: choice[name] for name in new}},
         Start(space.with_values(plant), places, states),
         space.with_values(absent),
     )

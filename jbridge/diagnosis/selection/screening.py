@@ -81,7 +81,7 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
                 # It has a simulation of its own, so it is weighed by the numbers of its axis alone.
                 axis = AXIS_OF_SITE[candidate.site]
                 free = [p for p in free if axis_of_number(table.entry(p)) == axis]
-            free += [int(p) for p in _linear_places(among.space, candidate) if p not in free]
+            free += [int(p) for p in linear_places(among.space, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), there.states))
     points = problem.evaluate(among.space.engine, starts)
     normals = problem.normal(among.space.engine, points)
@@ -89,7 +89,7 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     for group, point, normal in zip(groups, points, normals, strict=True):
         for candidate in group:
             given = [p for p in there.free if p in point.free]
-            wanted = np.array(list(dict.fromkeys([*given, *_linear_places(among.space, candidate)])), np.int64)
+            wanted = np.array(list(dict.fromkeys([*given, *linear_places(among.space, candidate)])), np.int64)
             columns = [int(np.flatnonzero(point.free == p)[0]) for p in wanted]
             step, value = linear_optimum(problem, among.space, point, normal, columns)
             vector = candidate.set(table, there.vector)
@@ -103,7 +103,7 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     return out
 
 
-def _linear_places(space: Space, candidate: Candidate) -> NDArray[np.int64]:
+def linear_places(space: Space, candidate: Candidate) -> NDArray[np.int64]:
     """Parameters that do something where a candidate starts."""
     return candidate.places(space.table, None if candidate.finite else candidate.linear)
 

@@ -35,6 +35,7 @@ from .moves import (
     together,
     with_mechanisms,
 )
+from .pairs import paired
 from .screening import seen_among_all
 
 _SOME = 3
@@ -163,6 +164,11 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
+    if not good:
+        moves = paired(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        found += tried
+        good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)

@@ -225,8 +225,7 @@ def _bounded(carry: Motions) -> Motions:
 
     least = Motion._fields.index("l"), Motion._fields.index("loaded")
     q = [
-        None if part is None else within(part, _WOUND_IN if k in least else -FAR, FAR)
-        for k, part in enumerate(carry.q)
+        None if part is None else within(part, _WOUND_IN if k in least else -FAR, FAR) for k, part in enumerate(carry.q)
     ]
     v = [None if part is None else within(part, -_FAST, _FAST) for part in carry.v]
     return carry._replace(q=Motion._make(q), v=Motion._make(v))
