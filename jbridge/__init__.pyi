@@ -12,8 +12,8 @@ from .control.linear import Pid as Pid
 from .control.linear import StateFeedback as StateFeedback
 from .control.measures import moves as moves
 from .control.paper import paper_controller as paper_controller
-from .control.references import load_reference as load_reference
-from .control.references import paper_path as paper_path
+from .control.reference_files import load_reference as load_reference
+from .control.reference_files import paper_path as paper_path
 from .control.shaping import shaped as shaped
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.result import Diagnosis as Diagnosis
@@ -51,8 +51,8 @@ from .recordings import save_csv as save_csv
 from .report.check import describe_check as describe_check
 from .report.check import save_check as save_check
 from .report.control.comparison import save_comparison as save_comparison
+from .report.control.comparison_text import describe_rivals as describe_rivals
 from .report.control.paper import save_paper as save_paper
-from .report.control.rivals import describe_rivals as describe_rivals
 from .report.control.tracking import describe_tracking as describe_tracking
 from .report.control.tracking import save_tracking as save_tracking
 from .report.control.tuning import describe_tuning as describe_tuning
@@ -65,8 +65,6 @@ from .report.save import save_fit as save_fit
 from .report.save import save_report as save_report
 from .report.text.terminal import describe_diagnosis as describe_diagnosis
 from .report.text.terminal import describe_fit as describe_fit
-from .signals import Path as Path
-from .signals import smooth_path as smooth_path
 from .simulation.closed_loop import closed_loop as closed_loop
 from .simulation.collect import AbstractSummary as AbstractSummary
 from .simulation.collect import Every as Every
@@ -79,6 +77,8 @@ from .sweep.run import read_sweep as read_sweep
 from .sweep.run import run_sweep as run_sweep
 from .sweep.spec import Sweep as Sweep
 from .sweep.spec import load_sweep as load_sweep
+from .trajectory import Path as Path
+from .trajectory import smooth_path as smooth_path
 from .tuning.compensation import compensation_for as compensation_for
 from .tuning.cost import Cost as Cost
 from .tuning.cost import Measure as Measure
@@ -94,8 +94,8 @@ from .tuning.ensemble import random_legs as random_legs
 from .tuning.ensemble import scattered as scattered
 from .tuning.knobs import FuzzyKnobs as FuzzyKnobs
 from .tuning.knobs import knobs_of as knobs_of
-from .tuning.linearise import linear_model as linear_model
-from .tuning.linearise import lqr_controller as lqr_controller
+from .tuning.lqr import linear_model as linear_model
+from .tuning.lqr import lqr_controller as lqr_controller
 from .tuning.objectives import usual_goal as usual_goal
 from .tuning.tune import Tuning as Tuning
 from .tuning.tune import tune as tune

@@ -1,4 +1,4 @@
-"""How results show and save themselves, although what draws and writes them lies above them.
+"""Base class of results: text, page, figure, table and files, which `report.displays` makes.
 
 Pages, figures and files are the matter of `report`, which knows the results and is unknown to them. The public face
 connects the two: it says where the displays are, and they are loaded when a result is first looked at.

@@ -22,7 +22,7 @@ LAYERS = (
     {"_display", "compilation"},
     {"_math", "_types", "_version", "errors"},
     {"_files", "_toml", "cluster"},
-    {"signals", "recordings"},
+    {"recordings", "trajectory"},
     {"model", "fuzzy"},
     {"control"},
     {"simulation"},

@@ -11,9 +11,9 @@ from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
 from jbridge.control.shaping import Shaping
 from jbridge.model.files import Model
-from jbridge.report.control.rivals import describe_rivals
-from jbridge.signals import smooth_path
+from jbridge.report.control.comparison_text import describe_rivals
 from jbridge.simulation.tracking import track
+from jbridge.trajectory import smooth_path
 from tests.problems import NUMBERS, make_plant
 
 MODEL = Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, "")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from .._files import replace_text
 from .._toml import Where, as_value, positive, read_toml, shown, word
 from ..errors import InputError
-from ..signals import Path as SignalPath
+from ..trajectory import Path as SignalPath
 from .base import AbstractController
 from .fuzzy import FuzzyController
 from .fuzzy_files import KEYS, fuzzy_lines, read_fuzzy

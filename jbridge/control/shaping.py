@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._toml import Where, as_value, number, positive, word
-from ..signals import Path
+from ..trajectory import Path
 
 KINDS = ("zv", "zvd")
 

@@ -12,14 +12,14 @@ from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
 from ..identification.evaluation import WINDOW
-from ..identification.problem import prepared, resolve
 from ..identification.result import Errors, Estimate
+from ..identification.setting import prepared, resolve
 from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording
-from .continuation import continued
+from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
 from .experiment_design.discrimination import Contender

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..fuzzy.conclusions import concluded
+from ..fuzzy.aggregation import concluded
 from ..fuzzy.defuzzify import (
     AbstractDefuzzifier,
     Bisector,

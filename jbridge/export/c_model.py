@@ -1,7 +1,7 @@
 """Models as C99: one header without allocation that plays a rig in real time, with a test of its own.
 
-The header holds `NAME_start`, `NAME_read` and `NAME_step`, the statements that JAX traces of `loop.SampledPlant`, with
-all effects of the model. A program defines `NAME_REAL` as `float` before it includes the header to compute in single
+The header holds `NAME_start`, `NAME_read` and `NAME_step`, the statements that JAX traces of `SampledPlant`, with all
+effects of the model. A program defines `NAME_REAL` as `float` before it includes the header to compute in single
 precision.
 """
 

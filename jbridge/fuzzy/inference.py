@@ -18,9 +18,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._math import on_processor
-from .columns import columns, evaluate, known
-from .conclusions import AbstractConclusions, Columned, Gridded, Swept, Weighed, concluded
+from .aggregation import AbstractConclusions, Columned, Gridded, Swept, Weighed, concluded
 from .defuzzify import AbstractDefuzzifier, Centroid
+from .grid import columns, evaluate, known
 from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
 from .rules import Clause, Labelled, Rule, Variable
 

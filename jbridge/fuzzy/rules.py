@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._math import on_processor
 from .._types import Scalar
-from .columns import known
+from .grid import known
 from .membership import AbstractMembership, Gathered, as_number
 from .norms import AbstractNorm, Softness, between
 

@@ -16,9 +16,9 @@ from ..model.plant import Plant
 from ..model.steps import substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
-from .problem import Setting, free_places, overrides
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Steps
+from .setting import Setting, free_places, overrides
 from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6

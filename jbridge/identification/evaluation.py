@@ -18,10 +18,10 @@ from .data.grid import Grid
 from .data.windows import WHOLE, Data, Tiling, deviations, make_data, tiling
 from .estimation import engine_for
 from .likelihood import Index, index, likelihood
-from .problem import Setting, resolve, setting_of
 from .result import Errors
 from .sensitivity.engine import Engine, Job, Sensitivity
 from .sensitivity.windowed_rollout import STATES
+from .setting import Setting, resolve, setting_of
 from .solver import Start, residual, solve, squares
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)

@@ -16,8 +16,8 @@ from .data.thinning import thinned
 from .data.windows import HORIZONS, make_data
 from .estimation import engine_for, fit_structure, make_problem
 from .evaluation import WINDOW, make_judge
-from .problem import free_places, make_setting, prepared, resolve
 from .result import Fit
+from .setting import free_places, make_setting, prepared, resolve
 from .solver import Start
 from .traces import traces
 from .uncertainty import as_uncertainty, covariance, estimates, warnings

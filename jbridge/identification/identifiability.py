@@ -11,8 +11,8 @@ from ..model.parameters import ParameterTable
 from ..recordings import Recording
 from .data.windows import HORIZONS, WHOLE, make_data
 from .estimation import engine_for, make_problem, start_of
-from .problem import prepared, resolve
 from .result import Estimate
+from .setting import prepared, resolve
 from .uncertainty import covariance, estimates, warnings
 
 

@@ -1,4 +1,4 @@
-"""Recordings beside the simulations of two models, and the force that either leaves over: what figures are drawn of."""
+"""Measured and simulated signals and residual forces of two models, collected for plotting."""
 
 from collections.abc import Collection, Mapping, Sequence
 

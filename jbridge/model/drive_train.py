@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from .._math import decay, sincos
 from .._types import Scalar
-from .dry import Rows, friction
+from .dry_friction import Rows, friction
 
 _SLOW = 1e-8
 """Squared angle of a vibration in one step below which its series are exact."""

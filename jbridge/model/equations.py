@@ -15,7 +15,7 @@ from .._math import materialise, sincos
 from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
 from .drive_train import Belt, Sides, through_belt, through_play
-from .dry import Rows, friction
+from .dry_friction import Rows, friction
 from .effects.drives import SpeedDrive
 from .effects.flexible import Backlash, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Motion, Plant

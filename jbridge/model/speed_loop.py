@@ -1,4 +1,4 @@
-"""Speed loops solved over a whole step.
+"""Velocity-controlled drives (an inner speed loop), solved in closed form over an integration step.
 
 A loop that pulls with `rate (speed - v)` makes the velocity of an axis with inverse mass `w` approach its end as
 `exp(-w rate t)`. Over a step of length `h`, under steady other forces and a setpoint that moves evenly, the mean
@@ -25,7 +25,7 @@ from jaxtyping import Array
 
 from .._math import decay
 from .._types import Scalar
-from .dry import Rows, friction
+from .dry_friction import Rows, friction
 
 _TINY = 1e-30
 """Keeps finite the pull on a locked axis, whose inverse mass is 0."""

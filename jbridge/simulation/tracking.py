@@ -14,7 +14,7 @@ from ..control.measures import Move, limits_of, moves
 from ..errors import InputError
 from ..model.files import Model, requires
 from ..model.steps import substeps
-from ..signals import Path
+from ..trajectory import Path
 from .closed_loop import closed_loop, periods_remembered
 
 
@@ -53,7 +53,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     Args:
         model: what moves.
         controller: what commands it.
-        path: the reference, at the controller's samples (`signals.smooth_path`); the controller's shaping is done here.
+        path: the reference, at the controller's samples (`smooth_path`); the controller's shaping is done here.
 
     Raises:
         InputError: the model lacks a part of the bridge, path and controller have different periods, or the loop runs

@@ -20,9 +20,9 @@ from ..control.fuzzy import FuzzyController
 from ..control.measures import limits_of
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
-from ..signals import along, durations
 from ..simulation.closed_loop import closed_loop, periods_remembered
 from ..simulation.summaries import UNITS, MoveSummary, is_sound
+from ..trajectory import along, durations
 from .spec import Sweep
 
 _ABREAST = 64

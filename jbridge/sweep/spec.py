@@ -14,11 +14,11 @@ import numpy as np
 from .._toml import Where, nearest, read_toml, shown, word
 from ..control.files import Controller, load_controller
 from ..control.paper import paper_controller
-from ..control.references import PAPER_POINTS, REST, SPEED
+from ..control.reference_files import PAPER_POINTS, REST, SPEED
 from ..errors import quoted
 from ..model.files import Model, load_model, requires
 from ..model.parameters import ParameterTable
-from ..signals import MOST_ENTRIES
+from ..trajectory import MOST_ENTRIES
 from .sample import KINDS, Axis, Design
 
 CHUNK = 4096

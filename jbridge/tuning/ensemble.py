@@ -17,9 +17,9 @@ from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..model.steps import substeps
-from ..signals import Path, along, durations
 from ..simulation.closed_loop import closed_loop, periods_remembered
 from ..simulation.collect import AbstractCollector, Everything
+from ..trajectory import Path, along, durations
 from .objectives import Leg
 
 _along = jax.jit(along)
@@ -281,7 +281,7 @@ class Course:
         collect: AbstractCollector = Everything(),
         reverse: bool = False,
     ) -> Any:
-        """One bridge under a controller through one move (without leading axes); see `loop.closed_loop`."""
+        """One bridge under a controller through one move (without leading axes); see `closed_loop.closed_loop`."""
         initial = jnp.zeros(self._states, row.dtype).at[0].set(move.initial[0]).at[2].set(move.initial[1])
         return closed_loop(
             self.table.unravel(row),

@@ -15,7 +15,7 @@ from ..control.base import AbstractController
 from ..control.files import Controller
 from ..errors import InputError
 from ..model.files import Model, requires
-from ..signals import Path
+from ..trajectory import Path
 from .cost import Cost, Measure
 from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, late, mixed_legs, random_legs, scattered
 from .knobs import AbstractKnobs, knobs_of

@@ -13,7 +13,7 @@ from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import paper_controller
 from jbridge.control.shaping import shaped
 from jbridge.fuzzy.check import outdone_rules
-from jbridge.signals import smooth_path
+from jbridge.trajectory import smooth_path
 
 AT = Axes(jnp.asarray(0.4), jnp.asarray(0.02), jnp.asarray(0.5))
 WANTED = Reference(jnp.asarray(0.5), jnp.asarray(0.45), jnp.asarray(0.1), jnp.asarray(0.0))

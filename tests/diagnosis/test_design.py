@@ -19,7 +19,7 @@ from jbridge.diagnosis.experiment_design.limits import Reach, Volts, reach_of
 from jbridge.diagnosis.experiment_design.next_experiment import _gentlest, _separated_by, next_experiment
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import make_recording, play, steps
 from tests.problems import CART_ALONE, LOCKED_ROPE, NUMBERS, make_plant

@@ -11,7 +11,7 @@ from jbridge.diagnosis.structures.space import make_space, proposals
 from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import play, steps
 from tests.problems import NUMBERS, make_plant

@@ -11,7 +11,7 @@ from jbridge.diagnosis.structures.space import is_apart, make_space, proposals
 from jbridge.diagnosis.structures.structure import base_structure
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import play
 from tests.problems import NUMBERS, make_plant

@@ -10,7 +10,7 @@ from jbridge.diagnosis.validation.validate import _checked, validate
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.evaluation import Evaluation
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import play, steps
 from tests.problems import NUMBERS, make_plant

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from jbridge import diagnose
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import make_recording
 from tests.problems import make_plant

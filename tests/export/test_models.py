@@ -18,7 +18,7 @@ from jbridge.export.models import matlab_function, mujoco_xml, state_space, stat
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.simulation.rollout import RK4, readings, rollout
-from jbridge.tuning.linearise import linear_model
+from jbridge.tuning.lqr import linear_model
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
 
 PERIOD = 0.01

@@ -9,9 +9,9 @@ import pytest
 import skfuzzy
 from jax.test_util import check_grads
 
-from jbridge.fuzzy.columns import columns
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.fis import load_fis
+from jbridge.fuzzy.grid import columns
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number, membership
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import engine_for, fit_structure, make_problem, start_of
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.identification.solver import Start
 from jbridge.model.files import Model
 from tests.identification.cases import DRY, cart_model, cart_recordings, play, scaled, steps, values

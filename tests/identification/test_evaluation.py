@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.identification.evaluation import make_judge
-from jbridge.identification.problem import setting_of
+from jbridge.identification.setting import setting_of
 from tests.identification.cases import make_recording
 from tests.problems import make_plant
 

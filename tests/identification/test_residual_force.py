@@ -8,9 +8,9 @@ import pytest
 from jbridge.identification.data.grid import grid
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for
-from jbridge.identification.problem import Setting
 from jbridge.identification.residual_force import as_played, balance
 from jbridge.identification.sensitivity.engine import Job
+from jbridge.identification.setting import Setting
 from tests.identification.cases import DRY, NOISE, play, steps
 from tests.problems import make_plant
 

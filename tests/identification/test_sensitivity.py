@@ -6,9 +6,9 @@ import pytest
 
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
-from jbridge.identification.problem import make_setting
 from jbridge.identification.sensitivity.engine import Job
 from jbridge.identification.sensitivity.windowed_rollout import BLOCK
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from jbridge.simulation.rollout import MIDPOINT
 from tests.identification.cases import play, steps

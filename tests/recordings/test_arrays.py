@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jbridge import InputError, Recording
-from jbridge.identification.problem import make_setting
+from jbridge.identification.setting import make_setting
 from jbridge.model.files import load_model
 from jbridge.recordings import load_recording
 

@@ -7,8 +7,8 @@ import pytest
 
 from jbridge import load_recording
 from jbridge.identification.evaluation import make_judge
-from jbridge.identification.problem import make_setting
 from jbridge.identification.residual_force import balance
+from jbridge.identification.setting import make_setting
 from jbridge.prediction import simulate
 from tests.identification.cases import NOISE, cart_model, play, steps
 from tests.problems import make_plant

@@ -18,14 +18,14 @@ from jbridge.control.paper import paper_controller
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
-from jbridge.signals import smooth_path
 from jbridge.simulation.closed_loop import Response
 from jbridge.simulation.tracking import track
+from jbridge.trajectory import smooth_path
 from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.linearise import linear_model, lqr_controller
+from jbridge.tuning.lqr import linear_model, lqr_controller
 from jbridge.tuning.objectives import (
     Chatter,
     Effort,

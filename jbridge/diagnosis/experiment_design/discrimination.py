@@ -22,9 +22,9 @@ from scipy.special import log_ndtr, logsumexp
 
 from ...identification.data.windows import WHOLE, Data, make_data
 from ...identification.estimation import Problem, engine_for
-from ...identification.problem import Setting
 from ...identification.sensitivity.engine import Job, Sensitivity
 from ...identification.sensitivity.windowed_rollout import STATES
+from ...identification.setting import Setting
 from ...identification.uncertainty import inverse_normal
 from ...model.effects.base import AXIS_OF_SITE
 from ...model.parameters import ParameterTable

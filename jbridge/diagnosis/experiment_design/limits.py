@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._types import AXES, Axes
-from ...identification.problem import Setting, scene_of
+from ...identification.setting import Setting, scene_of
 from ...model.effects.base import AbstractHysteresis
 from ...model.effects.drives import DeadZone
 from ...model.effects.friction import LoadDependentFriction

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..._types import AXES
 from ...identification.estimation import Problem
-from ...identification.problem import PART_OF
+from ...identification.setting import PART_OF
 from ...identification.solver import Point, Start
 from ...model.bridge import Bridge
 from ...model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..._types import AXES
 from ...identification.estimation import Problem
-from ...identification.problem import axis_of_number
+from ...identification.setting import axis_of_number
 from ...identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
 from ...model.effects.base import AXIS_OF_SITE, MAP_KNOTS
 from ...model.parameters import ParameterTable

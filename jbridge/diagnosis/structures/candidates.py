@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...identification.problem import Setting
+from ...identification.setting import Setting
 from ...model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed, options_of
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.parameters import ParameterTable

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.estimation import Problem, engine_for
-from ...identification.problem import Setting, scene_of
 from ...identification.sensitivity.engine import Engine
+from ...identification.setting import Setting, scene_of
 from ...model.effects.base import AbstractHysteresis, AbstractMechanism, parameters_of
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.drives import SpeedDrive

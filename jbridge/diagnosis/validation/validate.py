@@ -23,8 +23,8 @@ from ...identification.data.windows import WHOLE, make_data
 from ...identification.estimation import Problem, engine_for
 from ...identification.evaluation import Evaluation, Judge, make_judge, scatter
 from ...identification.likelihood import Likelihood, likelihood
-from ...identification.problem import Setting
 from ...identification.sensitivity.engine import Engine
+from ...identification.setting import Setting
 from ...identification.solver import Point, Start
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant

@@ -12,11 +12,11 @@ from ...prediction import Simulation
 from ..text.rows import parts, units_of
 from ..text.words import AXIS_OF_EQUATION, input_units
 from .evidence import draw_evidence
-from .force import draw_force
 from .friction_map import draw_friction_map
 from .horizons import draw_horizons
 from .improvement import draw_improvement
-from .missing import draw_missing
+from .missing_force import draw_missing
+from .residual_force import draw_force
 from .residuals import draw_residuals
 from .signals import draw_signals
 from .style import Picture, drawable

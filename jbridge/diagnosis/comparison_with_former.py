@@ -1,4 +1,4 @@
-"""What a diagnosis left open, and what further recordings have made of it."""
+"""Comparison of a diagnosis with the preceding one, after new experiments."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,11 +1,11 @@
-"""References in TOML: the points to visit, and how fast."""
+"""Reference trajectories read from TOML, and the reference of the paper."""
 
 import os
 from pathlib import Path as FilePath
 from typing import Any
 
 from .._toml import Where, read_toml, shown
-from ..signals import Path, smooth_path
+from ..trajectory import Path, smooth_path
 
 PAPER_POINTS = ((0.0, 0.185), (1.2, 0.6), (0.5, 0.3))
 """The paper's T_z, T_1 and T_2: cart position and rope length [m]."""

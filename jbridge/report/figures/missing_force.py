@@ -12,7 +12,7 @@ from ...diagnosis.result import Location, MissingForce
 from ...identification.result import Trace
 from ..text.quantities import pretty_unit
 from ..text.words import variable_name, variable_unit
-from .force import FORCES, values_of
+from .residual_force import FORCES, values_of
 from .style import BACKWARDS, BEFORE, FORWARDS, NOISE, SHADE, Picture, picture, shortened
 
 _BINS = 30

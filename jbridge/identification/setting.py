@@ -1,4 +1,4 @@
-"""A model and recordings made ready for fits: which parameters are free, the noise, the lanes."""
+"""Preparation of an estimation: model and data are checked, and the parameters to be estimated selected."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

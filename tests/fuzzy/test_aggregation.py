@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge.fuzzy.conclusions import Gridded, Swept
+from jbridge.fuzzy.aggregation import Gridded, Swept
 from jbridge.fuzzy.defuzzify import Centroid
 from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum

@@ -1,4 +1,4 @@
-"""The points of a grid, gathered into columns: what a set put together from clipped ones needs, and no more.
+"""Centroid defuzzification on a grid whose equal points are merged: their number and the sum of their places.
 
 Where a set's degree is 0 its clipped form is 0 too, so a point needs only the sets that cover it. Points where the
 same sets have the same degrees form one column, with their number and the sum of their places. For sets that overlap

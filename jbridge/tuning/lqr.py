@@ -1,4 +1,4 @@
-"""The bridge as a linear system between two samples, for those who design controllers on one."""
+"""Discrete-time linearisation about the hanging equilibrium, and LQR design on it."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""How the conclusions about one output become one value: what depends on the sets alone is computed beforehand.
+"""Implication and aggregation of a Mamdani system: what depends on its sets alone is computed beforehand.
 
 Sets change from one controller to another, not from one sample to the next. A loop asks for these before it begins, and
 has the degrees over the grid, or no more than their sums, as numbers: for gradients that is most of the work.
@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from .._math import materialise
 from .._types import Scalar
-from .columns import Column, area_and_moment, nothing
 from .defuzzify import AbstractDefuzzifier, Centroid
+from .grid import Column, area_and_moment, nothing
 from .membership import AbstractMembership, Unit
 from .norms import AbstractNorm, Softness
 from .rules import universe

@@ -1,4 +1,4 @@
-"""Controllers compared on one model and one reference."""
+"""Table of controllers simulated on one model and one reference, with a recommendation."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Dry friction that sticks, decided over a whole step.
+"""Coulomb friction with stiction, averaged over an integration step.
 
 Over a step friction is the mean of what Coulomb's law gives while the axis slides from the step's first velocity, and
 of what holds it (or breaks away) from the instant at which it comes to rest. For a steady drive that mean is exact, so

@@ -1,4 +1,4 @@
-"""Commands and references in time."""
+"""Point-to-point reference trajectories of cart and rope: polynomials of fifth degree with bounded speed."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
