@@ -358,6 +358,12 @@ def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Na
     """
     table = model.table
     vector, apart = model.point.vector.copy(), [name for name in left if own or is_apart(name[0])]
+    if len(model.names) == len(left):
+        # The model as given stands at its own optimum.
+        there = ParameterTable(base.plant)
+        values = np.array(there.ravel(base.plant), dtype=float)
+        for name in there.names():
+            vector[table.positions(name)] = values[there.positions(name)]
     free = []
     for place in map(int, model.point.free):
         entry = table.entry(place)
@@ -368,20 +374,13 @@ def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Na
             vector[place] = entry.info.null
         else:
             free.append(entry.name)
-    # What is left may be nearer to the model as given than to the model.
-    given, there = vector.copy(), ParameterTable(base.plant)
-    values = np.array(there.ravel(base.plant), dtype=float)
-    for name in there.names():
-        given[table.positions(name)] = values[there.positions(name)]
-    plants, engine = [table.unravel(v) for v in (vector, given)], model.engine
+    plant, engine = table.unravel(vector), model.engine
     if apart:
-        plants = [Plant(p.bridge, tuple(e for e in p.effects if (e.kind, e.site) not in apart)) for p in plants]
-        engine = engine_for(problem.setting, problem.data, plants[0])
+        plant = Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) not in apart))
+        engine = engine_for(problem.setting, problem.data, plant)
     places = np.array([engine.table.positions(name)[0] for name in free], np.int64)
-    starts = [
-        Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
-        for plant, states in zip(plants, (model.point.states, base.point.states), strict=True)
-    ]
-    point = min(problem.solve(engine, starts, _REFIT), key=lambda p: p.value)
+    states = base.point.states if len(model.names) == len(left) else model.point.states
+    start = Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
+    [point] = problem.solve(engine, [start], _REFIT)
     fitted = engine.table.unravel(point.vector)
     return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
