@@ -42,5 +42,5 @@ def test_dry_friction_and_drag_of_a_free_swing_are_proposed_together():
     shared = [c for c in proposals(problem.setting, plant, known) if not is_apart(c.kind)]
     choice = {c.name: math.log(len(shared)) for c in shared}
     moves = paired(problem, problem, base, among, shared, choice)
-    assert PAIR in [set(move.names) for move in moves]
-    assert all(move.promise == 0.0 and len(move.numbers) == 3 for move in moves if set(move.names) == PAIR)
+    [move] = [move for move in moves if set(move.names) == PAIR]
+    assert len(move.numbers) == 3  # both, and the damping

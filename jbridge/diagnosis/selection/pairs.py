@@ -1,7 +1,7 @@
 """Two effects of one axis that gain together what neither gains alone.
 
-Dry friction takes the place of a part of the viscous damping that air drag takes the place of from its other end: a
-search that adds one effect at a time passes neither.
+Dry friction and air drag share the loss of energy to which one viscous damping was fitted: neither lowers the criterion
+before the other is there, and a search that adds one effect at a time finds neither.
 """
 
 import itertools
