@@ -112,7 +112,7 @@ def _told(
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
     values, doubts = _estimated(problem, final)
-    searched = values if final.names == found.names else _estimated(problem, of_its_own(found))[0] | values
+    searched = values if final.names == found.names else _estimated(problem, of_its_own(problem, found))[0] | values
     effects = tuple(_named(search, sealed, c, searched, c.name in final.names) for c in checked.checked)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
     training = shown
@@ -293,7 +293,7 @@ def _named(
 
 def _rival(search: Search, sealed: HoldOut, before: Structure, own: Structure, probability: float) -> Rival:
     [name] = set(own.names) - set(before.names)
-    model = of_its_own(own)
+    model = of_its_own(search.problem, own)
     values, _ = _estimated(search.problem, model)
     errors = whole_errors(search.problem, model, sealed)
     return Rival(*name, probability, parameters_of(*name, values), errors)

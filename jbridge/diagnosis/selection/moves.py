@@ -20,7 +20,7 @@ from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
-from ..structures.space import Name, Space, is_apart, make_space
+from ..structures.space import Name, Space, is_apart, make_space, space_of
 from ..structures.structure import Structure
 from .screening import AmongAll, linear_optimum, screened
 
@@ -147,7 +147,7 @@ def together(problem: Problem, now: Structure, first: Structure, other: Structur
     own = {key: getattr(other.plant.bridge, key) for key, place in PART_OF.items() if place == axis}
     effects = [e for e in other.plant.effects if (e.kind, e.site) in new]
     plant = Plant(dataclasses.replace(first.plant.bridge, **own), (*first.plant.effects, *effects))
-    space = make_space(problem, plant, first.known & other.known, shared=False)
+    space = space_of(problem, plant, first.known & other.known, first.space)
     free = [space.table.positions(name)[0] for name in dict.fromkeys([*first.free, *other.free])]
     return Move(
         space,
@@ -170,24 +170,19 @@ def with_effects(
     """A model with effects that were fitted to some windows beside all others."""
     new = [candidate.name for candidate in added]
     names = (*now.names, *new)
-    plant = among.space.plant_of(point.vector, names)
     known = now.known - {candidate.site for candidate in added if candidate.kind == WRONG_VALUE}
-    space = make_space(problem, plant, known, shared=False)
     # Where they are absent, all else stands as in the model without them.
-    before = among.space.with_values(now.plant)
+    absent = among.space.with_values(now.plant)
     for candidate in added:
-        before = candidate.set(among.space.table, before)
-    absent = among.space.plant_of(before, names)
-    free = [among.space.table.entry(int(p)).name for p in point.free]
-    places = np.array([space.table.positions(name)[0] for name in free], np.int64)
+        absent = candidate.set(among.space.table, absent)
     states = problem.states_with(now.point.states, part, point.states)
     return Move(
-        space,
+        dataclasses.replace(among.space, known=known),
         names,
         {**now.keys, **{candidate.name: candidate.free for candidate in added}},
         {**now.choices, **{name: choice[name] for name in new}},
-        Start(space.with_values(plant), places, states),
-        space.with_values(absent),
+        Start(point.vector, point.free, states),
+        absent,
     )
 
 
@@ -250,7 +245,7 @@ def _without(
         keys = {**keys, new: free_of}
         left += [f"{instead.kind}@{instead.site}.{key}" for key in free_of]
     plant = Plant(bridge, effects)
-    space = make_space(problem, plant, known, shared=False)
+    space = space_of(problem, plant, known, now.space)
     free = np.array([place for entry in left for place in space.table.positions(entry)], np.int64)
     return Move(space, names, keys, choices, Start(space.with_values(plant), free, now.point.states))
 
@@ -387,7 +382,7 @@ def with_mechanisms(
         return first, fit
 
     without = climbed(now.space, [now.point.start])
-    plant, known = now.space.table.unravel(without[1].vector), now.known
+    plant, known = now.space.plant_of(without[1].vector, now.names), now.known
 
     def gone(name: Name) -> list[Name]:
         """Added effects that this one contains."""
@@ -405,7 +400,7 @@ def with_mechanisms(
         own = Plant(plant.bridge, (*left, _effect(seeds[0])))
         try:
             own.check()
-            space = make_space(part, own, known, shared=False)
+            space = _looked_at(make_space(part, own, known, shared=False))
         except ValueError:
             return None
         lost = {now.space.table.entry(p).name for each in less for p in now.places(each)}
@@ -445,6 +440,11 @@ def with_mechanisms(
         start = Start(point.vector, point.free, states)
         moves.append(Move(space, (*names, candidate.name), keys, choices, start))
     return moves
+
+
+def _looked_at(space: Space) -> Space:
+    """A space of its own program without one for tangents."""
+    return dataclasses.replace(space, engine=space.engine.by_differences())
 
 
 def _taking_place(now: Structure, seed: Candidate, gone: Name) -> Candidate:

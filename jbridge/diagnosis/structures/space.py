@@ -6,6 +6,7 @@ what has a hidden spring, would slow that program down; each has one of its own.
 """
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -71,6 +72,22 @@ class Space:
         for group, place in table.options().items():
             vector[self.table.option_place(group)] = values[place]
         return vector
+
+
+def space_of(problem: Problem, plant: Plant, known: frozenset[str], beside: Space) -> Space:
+    """Where a plant is simulated: in the program at hand, if that has room for its effects, else in one of its own.
+
+    Args:
+        problem: recordings.
+        plant: what is simulated.
+        known: its parameters that are not estimated.
+        beside: the program at hand.
+    """
+    wanted, room = (Counter(entry.group for entry in t.entries) for t in (ParameterTable(plant), beside.table))
+    fits = all(room[group] == count for group, count in wanted.items())
+    if fits and {(e.kind, e.site) for e in beside.own.effects} <= {(e.kind, e.site) for e in plant.effects}:
+        return dataclasses.replace(beside, known=known)
+    return make_space(problem, plant, known, shared=False)
 
 
 def make_space(problem: Problem, own: Plant, known: frozenset[str], shared: bool = True, width: int = 0) -> Space:

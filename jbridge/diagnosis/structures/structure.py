@@ -19,7 +19,7 @@ class Structure:
     """One fitted model of a search."""
 
     space: Space
-    """With a program of its own."""
+    """Whose program has a place for what was added."""
     names: tuple[Name, ...]
     """What was added, in the order in which it was."""
     keys: dict[Name, tuple[str, ...]]
@@ -41,7 +41,7 @@ class Structure:
 
     @property
     def plant(self) -> Plant:
-        return self.space.table.unravel(self.point.vector)
+        return self.space.plant_of(self.point.vector, self.names)
 
     @property
     def known(self) -> frozenset[str]:

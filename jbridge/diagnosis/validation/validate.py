@@ -147,7 +147,7 @@ def validate(
     judge = make_judge(setting, holdout, setting.noise, samples=samples)
     own = make_judge(setting, problem.data.recordings, setting.noise, samples=samples)
     given, before = _given(problem, base, judge)
-    final = of_its_own(found) if found.names else given
+    final = of_its_own(problem, found) if found.names else given
     train_before = own.evaluate(given.plant, given.engine)
     if not found.names:
         scatters = _scatters(problem, holdout, before)
@@ -216,7 +216,7 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
     for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
         run = judge.evaluate(each.plant, each.space.engine)
         ratios = run.ratios(_one_second(run))
-        found.append((sum(r * r for r in ratios.values()), of_its_own(each), run))
+        found.append((sum(r * r for r in ratios.values()), of_its_own(problem, each), run))
     _, given, before = min(found, key=lambda f: f[0])
     return given, before
 
@@ -224,13 +224,13 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
 def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     """What is known of an interrupted search: the recordings beside the model as given and what was found."""
     own = make_judge(problem.setting, problem.data.recordings, problem.setting.noise, samples=problem.data.samples)
-    final = of_its_own(found)
+    final = of_its_own(problem, found)
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
     checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
     return Validation(
         checked=checked,
-        given=of_its_own(base),
+        given=of_its_own(problem, base),
         final=final,
         before=before,
         after=after,
@@ -339,9 +339,13 @@ def whole_errors(problem: Problem, model: Fixed, sealed: HoldOut) -> dict[str, f
     return judge.evaluate(model.plant, model.engine).errors(WHOLE)
 
 
-def of_its_own(structure: Structure) -> Fixed:
-    """A structure that no search changes any more."""
-    return Fixed(structure.plant, structure.names, structure.space.engine, structure.point)
+def of_its_own(problem: Problem, structure: Structure) -> Fixed:
+    """A structure that no search changes any more, without room for others."""
+    plant, point = structure.plant, structure.point
+    engine = engine_for(problem.setting, problem.data, plant)
+    places = np.array([engine.table.positions(name)[0] for name in structure.free], np.int64)
+    own = dataclasses.replace(point, vector=np.array(engine.table.ravel(plant), dtype=float), free=places)
+    return Fixed(plant, structure.names, engine, own)
 
 
 def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name], own: bool = False) -> Fixed:

@@ -6,6 +6,7 @@ columns (fewer where an axis does not move) serve all windows of a recording tog
 as well.
 """
 
+import copy
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -28,6 +29,8 @@ _LANES = 8
 """Most simulations of a call. They share the cost of a step; more gain nothing."""
 _TANGENT_LANES = 4
 """The same where tangents are wanted, of which each simulation has a dozen or two."""
+_DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
+"""Changes by which derivatives are taken as differences, over a number and at least."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 
 
@@ -95,6 +98,14 @@ class Engine:
         self.samples = self._courses.lane.dt.shape[1] + 1
         moving = np.array([np.any(flag) for flag in self._courses.lane.active])
         self._moving = np.flatnonzero(np.tile(moving, 2))
+        self._by_differences = False
+
+    def by_differences(self) -> "Engine":
+        """The same with derivatives as differences of predictions, which takes longer than tangents do and spares the
+        time to compile these: for a structure that is looked at a few times."""
+        other = copy.copy(self)
+        other._by_differences, other.lanes = True, _LANES
+        return other
 
     @property
     def width(self) -> int:
@@ -116,6 +127,10 @@ class Engine:
 
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
+        if self._by_differences:
+            for i, job in enumerate(jobs):
+                take(i, self._differences(job))
+            return
         if self._wider:
             most = max((len(job.free) for job in jobs), default=0)
             self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)))
@@ -143,6 +158,26 @@ class Engine:
                 columns[i] = []
 
         self._run(jobs, parts, width, min(self.lanes, _TANGENT_LANES), keep)
+
+    def _differences(self, job: Job) -> Sensitivity:
+        """A job's predictions, and what they change by with each number."""
+        jobs, sizes = [job], []
+        for place in job.free:
+            vector = job.vector.copy()
+            sizes.append(max(_DIFFERENCE * abs(vector[place]), _LEAST_DIFFERENCE))
+            vector[place] += sizes[-1]
+            jobs.append(job._replace(vector=vector))
+        for place in self._moving:
+            states = job.states.copy()
+            states[:, place] += _DIFFERENCE
+            sizes.append(_DIFFERENCE)
+            jobs.append(job._replace(states=states))
+        here, *changed = self.predict(jobs)
+        columns = [np.zeros((3, self.samples))] * (len(job.free) + STATES)
+        places = [*range(len(job.free)), *(len(job.free) + self._moving)]
+        for place, size, there in zip(places, sizes, changed, strict=True):
+            columns[place] = (there - here).T / size
+        return Sensitivity(here, tuple(columns))
 
     def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
         """Which effects some of the parts of a call have: their parameters, and which of these are free."""
