@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jbridge
-from experiments.real_rigs import figures, run
+from experiments.real_rigs import figures, planted, run
 
 RIGS = run.rigs()
 needs_recordings = pytest.mark.skipif(
@@ -76,3 +76,39 @@ def test_table_and_picture_are_drawn_from_kept_numbers(tmp_path):
 
 def test_what_is_kept_is_of_rigs_that_are_there():
     assert set(json.loads(run.KEPT.read_text())) <= set(RIGS)
+
+
+SIMULATED = """
+[bridge]
+cart_mass = 5.5
+load_mass = 0.15
+gravity = 9.81
+cart_damping = 45.0
+swing_damping = 0.002
+cart_gain = 16.0
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "plant", {plant.kind: plant for plant in planted.PLANTS}.values(), ids=lambda plant: plant.kind
+)
+def test_altered_recordings_are_those_of_a_rig_with_the_effect(plant, tmp_path):
+    times = np.arange(801) * 0.01
+    volts = 2.0 * np.sign(np.sin(2.1 * times)) + np.sin(0.9 * times)
+    locked = {"locked": {"l": 0.7}}
+    (tmp_path / "without.toml").write_text(SIMULATED)
+    law = f'\n[[effect]]\nkind = "{plant.kind}"\nsite = "{plant.site}"\n{plant.key} = {plant.size}\n'
+    (tmp_path / "with.toml").write_text(SIMULATED + law)
+    without, beside = (jbridge.load_model(tmp_path / f"{name}.toml") for name in ("without", "with"))
+    still = np.zeros_like(times)
+    bare = jbridge.Recording.from_arrays(t=times, u_x=volts, x=still, psi=still, sidecar=locked)
+    played = jbridge.simulate(without, bare, initial="first-row").columns
+    record = jbridge.Recording.from_arrays(t=times, u_x=volts, x=played["x"], psi=played["psi"], sidecar=locked)
+    altered = planted.altered(record, plant, 16.0)
+    errors = {}
+    for name, model in (("without", without), ("with", beside)):
+        told = jbridge.simulate(model, altered).columns
+        errors[name] = np.hypot(told["x"] - altered.x, told["psi"] - altered.psi)
+    # The initial state is estimated, so that the error is not that of rounding alone.
+    assert errors["with"].max() < 2e-3 and errors["without"].max() > 5 * errors["with"].max()

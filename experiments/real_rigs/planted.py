@@ -31,7 +31,7 @@ TABLE = ROOT / "figures" / "real-rigs-planted.md"
 Row = dict[str, Any]
 
 
-class Plant(NamedTuple):
+class Truth(NamedTuple):
     """What is put into the recordings of a rig."""
 
     rig: str
@@ -48,32 +48,33 @@ class Plant(NamedTuple):
         return f"{self.rig}: {self.kind}"
 
 
-PLANTS = (
-    Plant("emps", "input_delay", "cart_drive", "delay", 0.03, "s"),
-    Plant("emps", "gain_asymmetry", "cart_drive", "ratio", 0.05, "1"),
-    Plant("emps", "constant_force", "cart", "level", 10.0, "N"),
-    Plant("Aalborg cart", "input_delay", "cart_drive", "delay", 0.04, "s"),
-    Plant("Aalborg cart", "constant_force", "cart", "level", 3.0, "N"),
-    Plant("Aalborg pendulum 1", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
-    Plant("Aalborg pendulum 1", "clock_scale", "clock", "scale", 1.05, "1"),
-    Plant("Aalborg pendulum 2", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
-    Plant("Aalborg pendulum 2", "clock_scale", "clock", "scale", 1.05, "1"),
-    Plant("Washington pendulum", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
-    Plant("INTECO pendulum", "sensor_offset", "psi_sensor", "offset", 0.05, "rad"),
-    Plant("student crane, 1", "input_delay", "cart_drive", "delay", 0.1, "s"),
-    Plant("student crane, 1", "gain_asymmetry", "cart_drive", "ratio", 0.1, "1"),
-    Plant("student crane, 1", "sensor_scale", "psi_sensor", "scale", 1.2, "1"),
-    Plant("gantry, trolley", "input_delay", "cart_drive", "delay", 0.1, "s"),
-    Plant("gantry, trolley", "sensor_scale", "psi_sensor", "scale", 1.2, "1"),
+TRUTHS = (
+    Truth("emps", "input_delay", "cart_drive", "delay", 0.03, "s"),
+    Truth("emps", "gain_asymmetry", "cart_drive", "ratio", 0.05, "1"),
+    Truth("emps", "constant_force", "cart", "level", 10.0, "N"),
+    Truth("Aalborg cart", "input_delay", "cart_drive", "delay", 0.04, "s"),
+    Truth("Aalborg cart", "constant_force", "cart", "level", 3.0, "N"),
+    Truth("Aalborg pendulum 1", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
+    Truth("Aalborg pendulum 1", "clock_scale", "clock", "scale", 1.05, "1"),
+    Truth("Aalborg pendulum 2", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
+    Truth("Aalborg pendulum 2", "clock_scale", "clock", "scale", 1.05, "1"),
+    Truth("Washington pendulum", "sensor_offset", "psi_sensor", "offset", 0.03, "rad"),
+    Truth("INTECO pendulum", "sensor_offset", "psi_sensor", "offset", 0.05, "rad"),
+    Truth("student crane, 1", "input_delay", "cart_drive", "delay", 0.1, "s"),
+    Truth("student crane, 1", "gain_asymmetry", "cart_drive", "ratio", 0.1, "1"),
+    Truth("student crane, 1", "sensor_scale", "psi_sensor", "scale", 1.2, "1"),
+    Truth("gantry, trolley", "input_delay", "cart_drive", "delay", 0.1, "s"),
+    Truth("gantry, trolley", "sensor_scale", "psi_sensor", "scale", 1.2, "1"),
 )
 
 
 def _late(recording: jbridge.Recording, delay: float) -> jbridge.Recording:
-    """Inputs recorded so much earlier than they act; the last rows, of which no input is known, are left out."""
+    """Inputs recorded so much earlier than they act. Left out are the last rows, of which no input is known, and the
+    first ones, which feel inputs from before them."""
     shift = round(delay / float(np.median(np.diff(recording.times))))
-    short = recording.rows(slice(0, len(recording.times) - shift))
     assert recording.u_x is not None
-    return replace(short, u_x=recording.u_x[shift:], earlier=None)
+    early = replace(recording.rows(slice(0, len(recording.times) - shift)), u_x=recording.u_x[shift:], earlier=None)
+    return early.rows(slice(shift, None))
 
 
 def _uneven(recording: jbridge.Recording, ratio: float) -> jbridge.Recording:
@@ -89,65 +90,65 @@ def _read(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[jbridge.Recor
     return altered
 
 
-def altered(recording: jbridge.Recording, plant: Plant, gain: float) -> jbridge.Recording:
+def altered(recording: jbridge.Recording, truth: Truth, gain: float) -> jbridge.Recording:
     """A recording as it would be if the rig had the effect as well; `gain` is the drive's in N per input unit."""
-    size = plant.size
-    if plant.kind == "input_delay":
+    size = truth.size
+    if truth.kind == "input_delay":
         return _late(recording, size)
-    if plant.kind == "gain_asymmetry":
+    if truth.kind == "gain_asymmetry":
         return _uneven(recording, size)
-    if plant.kind == "constant_force":
+    if truth.kind == "constant_force":
         assert recording.u_x is not None
         return replace(recording, u_x=recording.u_x - size / gain)
-    if plant.kind == "clock_scale":
+    if truth.kind == "clock_scale":
         first = recording.times[0]
         return replace(recording, times=first + (recording.times - first) / size)
-    if plant.kind == "sensor_offset":
+    if truth.kind == "sensor_offset":
         return _read(lambda psi: psi + size)(recording)
-    assert plant.kind == "sensor_scale"
+    assert truth.kind == "sensor_scale"
     return _read(lambda psi: psi * size)(recording)
 
 
-def diagnosed(plant: Plant, budget: float, out: Path) -> Row:
+def diagnosed(truth: Truth, budget: float, out: Path) -> Row:
     """What a diagnosis of the altered recordings says; its report lies below `out`."""
-    rig = rigs()[plant.rig]
+    rig = rigs()[truth.rig]
     jbridge.set_up(True)
     model = jbridge.load_model(model_file(rig))
     gain = float(model.plant.bridge.cart_gain)
 
     def loaded(role: str) -> list[jbridge.Recording]:
-        return [altered(load(rig, piece), plant, gain) for piece in rig.get(role, ())]
+        return [altered(load(rig, piece), truth, gain) for piece in rig.get(role, ())]
 
     found = jbridge.diagnose(model, loaded("train"), loaded("holdout"), budget=budget)
-    folder = out / plant.label.replace(" ", "-").replace(",", "").replace(":", "")
+    folder = out / truth.label.replace(" ", "-").replace(",", "").replace(":", "")
     jbridge.save_report(folder, found)
     report = json.loads((folder / "report.json").read_text())
     return {key: report[key] for key in ("verdict", "stopped", "seconds", "effects", "bridge")}
 
 
-def _found(row: Row, plant: Plant) -> Row | None:
+def _found(row: Row, truth: Truth) -> Row | None:
     """The planted effect as a diagnosis has it, by its own name or beside one that it cannot be told from."""
     for effect in row["effects"]:
-        if (effect["kind"], effect["site"]) == (plant.kind, plant.site):
+        if (effect["kind"], effect["site"]) == (truth.kind, truth.site):
             return effect
     for effect in row["effects"]:
         for rival in effect["equivalents"]:
-            if (rival["kind"], rival["site"]) == (plant.kind, plant.site):
+            if (rival["kind"], rival["site"]) == (truth.kind, truth.site):
                 return rival | {"beside": effect}
     return None
 
 
-def _size(found: Row | None, plant: Plant) -> float | None:
-    value = found["parameters"].get(plant.key, {}).get("value") if found else None
+def _size(found: Row | None, truth: Truth) -> float | None:
+    value = found["parameters"].get(truth.key, {}).get("value") if found else None
     return value if isinstance(value, float) else None
 
 
-def _words(found: Row | None, plant: Plant) -> str:
+def _words(found: Row | None, truth: Truth) -> str:
     if found is None:
         return "not named"
     beside = found.get("beside")
-    size = _size(found, plant)
-    said = f"{size:.3g} {plant.unit}".removesuffix(" 1") if size is not None else ""
+    size = _size(found, truth)
+    said = f"{size:.3g} {truth.unit}".removesuffix(" 1") if size is not None else ""
     if beside is None:
         return f"{found['status']}, {said}"
     return f"not told from {beside['kind']} ({beside['status']}), {said}".replace("_", " ")
@@ -165,19 +166,19 @@ def table(rows: dict[str, Row], unaltered: dict[str, Row]) -> str:
         "| rig | put in | unaltered | altered | change | first named | verdict | s |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for plant in PLANTS:
-        row = rows.get(plant.label)
+    for truth in TRUTHS:
+        row = rows.get(truth.label)
         if row is None:
             continue
-        before, after = _found(unaltered[plant.rig], plant), _found(row, plant)
-        sizes = [_size(before, plant), _size(after, plant)]
-        absent = 1.0 if plant.key == "scale" else 0.0
+        before, after = _found(unaltered[truth.rig], truth), _found(row, truth)
+        sizes = [_size(before, truth), _size(after, truth)]
+        absent = 1.0 if truth.key == "scale" else 0.0
         first, last = (absent if size is None else size for size in sizes)
-        change = "" if sizes[1] is None else f"{last / first if absent else last - first:.3g} {plant.unit}"
+        change = "" if sizes[1] is None else f"{last / first if absent else last - first:.3g} {truth.unit}"
         names = [f"{e['kind']} {e['site']}".replace("_", " ") for e in row["effects"]]
         lines.append(
-            f"| {plant.rig} | {plant.kind.replace('_', ' ')} {plant.size:g} {plant.unit}".removesuffix(" 1")
-            + f" | {_words(before, plant)} | {_words(after, plant)} | {change.removesuffix(' 1')}"
+            f"| {truth.rig} | {truth.kind.replace('_', ' ')} {truth.size:g} {truth.unit}".removesuffix(" 1")
+            + f" | {_words(before, truth)} | {_words(after, truth)} | {change.removesuffix(' 1')}"
             f" | {names[0] if names else 'nothing'} | `{row['verdict']}` | {row['seconds']:.0f} |"
         )
     return "\n".join([*lines, ""])
@@ -192,18 +193,18 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=PLANTED, help="where numbers are kept")
     parser.add_argument("--figures", action="store_true", help="only redraw")
     arguments = parser.parse_args()
-    unknown = sorted(set(arguments.names) - {plant.rig for plant in PLANTS})
+    unknown = sorted(set(arguments.names) - {truth.rig for truth in TRUTHS})
     if unknown:
-        parser.error(f"nothing is put into {', '.join(unknown)}; rigs are {', '.join({p.rig: 0 for p in PLANTS})}")
+        parser.error(f"nothing is put into {', '.join(unknown)}; rigs are {', '.join({p.rig: 0 for p in TRUTHS})}")
     kept = json.loads(arguments.kept.read_text()) if arguments.kept.is_file() else {}
     if not arguments.figures:
         if not SHARED.is_dir():
             print(f"skipped: the recordings are not at {SHARED}; JBRIDGE_RECORDINGS names another folder")
             return
-        chosen = [plant for plant in PLANTS if not arguments.names or plant.rig in arguments.names]
+        chosen = [truth for truth in TRUTHS if not arguments.names or truth.rig in arguments.names]
         alone = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(arguments.jobs, alone, max_tasks_per_child=1) as pool:
-            waiting = {pool.submit(diagnosed, plant, arguments.budget, arguments.out): plant for plant in chosen}
+            waiting = {pool.submit(diagnosed, truth, arguments.budget, arguments.out): truth for truth in chosen}
             for done in as_completed(waiting):
                 kept[waiting[done].label] = done.result()
                 print(
