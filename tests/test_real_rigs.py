@@ -9,6 +9,7 @@ import jbridge
 from experiments.real_rigs import figures, planted, run
 
 RIGS = run.rigs()
+TRUTHS = {truth.kind: truth for truth in planted.TRUTHS}
 needs_recordings = pytest.mark.skipif(
     not (run.SHARED / "recordings").is_dir(), reason="the recordings of real rigs (../shared) are not here"
 )
@@ -90,22 +91,20 @@ cart_gain = 16.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "plant", {plant.kind: plant for plant in planted.PLANTS}.values(), ids=lambda plant: plant.kind
-)
-def test_altered_recordings_are_those_of_a_rig_with_the_effect(plant, tmp_path):
+@pytest.mark.parametrize("truth", TRUTHS.values(), ids=TRUTHS)
+def test_altered_recordings_are_those_of_a_rig_with_the_effect(truth, tmp_path):
     times = np.arange(801) * 0.01
     volts = 2.0 * np.sign(np.sin(2.1 * times)) + np.sin(0.9 * times)
     locked = {"locked": {"l": 0.7}}
     (tmp_path / "without.toml").write_text(SIMULATED)
-    law = f'\n[[effect]]\nkind = "{plant.kind}"\nsite = "{plant.site}"\n{plant.key} = {plant.size}\n'
+    law = f'\n[[effect]]\nkind = "{truth.kind}"\nsite = "{truth.site}"\n{truth.key} = {truth.size}\n'
     (tmp_path / "with.toml").write_text(SIMULATED + law)
     without, beside = (jbridge.load_model(tmp_path / f"{name}.toml") for name in ("without", "with"))
     still = np.zeros_like(times)
     bare = jbridge.Recording.from_arrays(t=times, u_x=volts, x=still, psi=still, sidecar=locked)
     played = jbridge.simulate(without, bare, initial="first-row").columns
     record = jbridge.Recording.from_arrays(t=times, u_x=volts, x=played["x"], psi=played["psi"], sidecar=locked)
-    altered = planted.altered(record, plant, 16.0)
+    altered = planted.altered(record, truth, 16.0)
     errors = {}
     for name, model in (("without", without), ("with", beside)):
         told = jbridge.simulate(model, altered).columns
