@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.selection.moves import refinements, simplifications, with_mechanisms
+from jbridge.diagnosis.selection.mechanisms import with_mechanisms
+from jbridge.diagnosis.selection.moves import refinements, simplifications
 from jbridge.diagnosis.structures.space import make_space, proposals
 from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data

@@ -1,16 +1,12 @@
-"""Changes of a model: an effect is added, left out, or replaced by a simpler law."""
+"""Changes of a model: effects are added to others, left out, or replaced by a simpler law."""
 
 import dataclasses
 import math
-import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._types import AXES
 from ...identification.estimation import Problem
 from ...identification.setting import PART_OF
 from ...identification.solver import Point, Start
@@ -20,11 +16,11 @@ from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate
-from ..structures.space import Name, Space, is_apart, make_space, space_of
+from ..structures.space import Name, Space, is_apart, space_of
 from ..structures.structure import Structure
-from .screening import AmongAll, linear_optimum, screened
+from .screening import AmongAll, linear_optimum
 
-_TRIAL = 2
+TRIAL = 2
 """Iterations of a first refit, a linear one included."""
 AT_ONCE = 2
 """Programs that are compiled side by side."""
@@ -50,85 +46,7 @@ class Move:
         return frozenset(self.space.table.entry(int(p)).name for p in self.start.free)
 
 
-def added(
-    problem: Problem,
-    part: Problem,
-    now: Structure,
-    among: AmongAll,
-    shared: Sequence[Candidate],
-    choice: dict[Name, float],
-) -> tuple[list[Move], list[Move]]:
-    """The effects that a linear screen puts first, refitted on some windows: those that may be the best, and the others
-    that should gain as well.
-
-    A refit begins with short windows alone, which are nearly linear; from there, or from the screen's estimate if that
-    is better, it goes on with whole recordings, where small scales and drifts show.
-    """
-    there, space = among.point, among.space
-    best: dict[Name, tuple[float, Candidate, Start]] = {}
-    for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
-        best.setdefault(found[1].name, found)
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
-
-    def price(candidate: Candidate, free: NDArray[np.int64]) -> float:
-        return unit * min(len(free) - len(there.free), 2 * len(candidate.free)) + choice[candidate.name]
-
-    # Of two that meet the recordings as well, the one with fewer numbers comes first.
-    chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
-    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
-    states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
-    [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
-    absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
-    # Tangents where all are absent are the same for all.
-    linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
-    begun = _better(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
-    *fitted, without = low.solve(space.engine, [*begun, short.start], _TRIAL - 1)
-    after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
-    points = part.solve(space.engine, _better(part, space, [start for _, _, start in chosen], after), _TRIAL)
-    order = []
-    for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
-        gains, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
-        order.append(_Tried(candidate, point, (gains[0] - cost, gains[1] - cost)))
-    order.sort(key=lambda tried: -tried.promise)
-    # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
-    first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
-    others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
-    kept = sorted(list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1])
-    later = [k for k, tried in enumerate(order) if k not in kept and tried.promise > 0.0]
-
-    def ready(tried: _Tried) -> Move:
-        candidate = tried.candidate
-        move = with_effects(problem, part, now, among, [candidate], tried.point, choice)
-        return dataclasses.replace(move, promise=tried.promise)
-
-    return [ready(order[k]) for k in kept], [ready(order[k]) for k in later]
-
-
-class _Tried(NamedTuple):
-    """A proposal that was refitted."""
-
-    candidate: Candidate
-    point: Point
-    gains: tuple[float, float]
-    """Beyond its price, in some windows and in short ones alone: where short ones gain, long ones follow when they are
-    fitted, too."""
-
-    @property
-    def promise(self) -> float:
-        return max(self.gains)
-
-    @property
-    def axis(self) -> str:
-        return axis_of(self.candidate.name)
-
-
-def _may_win(every: Sequence[_Tried], tried: _Tried) -> bool:
-    """Whether a proposal comes near the best one on its axis, in some windows or in short ones."""
-    best = [max(t.gains[k] for t in every if t.axis == tried.axis) for k in range(2)]
-    return any(gain > 0.0 and gain >= CRITERIA.worth * most for gain, most in zip(tried.gains, best, strict=True))
-
-
-def _better(problem: Problem, space: Space, one: Sequence[Start], other: Sequence[Start]) -> list[Start]:
+def better_of(problem: Problem, space: Space, one: Sequence[Start], other: Sequence[Start]) -> list[Start]:
     """Of each two places to start the one that meets the recordings better."""
     pairs = zip(problem.evaluate(space.engine, one), problem.evaluate(space.engine, other), strict=True)
     return [min(pair, key=lambda point: point.value).start for pair in pairs]
@@ -217,7 +135,7 @@ def _may_pay(problem: Problem, now: Structure, at: dict[int, float]) -> bool:
     vector[list(at)] = list(at.values())
     free = np.array([p for p in now.point.free if int(p) not in at], np.int64)
     [before] = low.evaluate(now.space.engine, [Start(now.point.vector, now.point.free, states)])
-    [after] = low.solve(now.space.engine, [Start(vector, free, states)], _TRIAL)
+    [after] = low.solve(now.space.engine, [Start(vector, free, states)], TRIAL)
     return after.value - before.value < now.price
 
 
@@ -258,7 +176,7 @@ def _levels(now: Structure, name: Name) -> dict[str, NDArray[np.float64]] | None
     return {key: now.point.vector[table.positions(f"{name[0]}@{name[1]}.{key}")] for key in now.keys[name]}
 
 
-def _values(now: Structure, name: Name) -> dict[str, NDArray[np.float64] | float]:
+def values_of(now: Structure, name: Name) -> dict[str, NDArray[np.float64] | float]:
     """All numbers of an added effect, by key."""
     table = now.space.table
     out = {}
@@ -276,7 +194,7 @@ def simplifications(problem: Problem, base: Structure, now: Structure) -> list[M
         for part in CATALOGUE[name[0]].contains if name[0] in CATALOGUE else ():
             if (part.kind, name[1]) in present:
                 continue
-            own = _values(now, name)
+            own = values_of(now, name)
             law = part.simpler(own)
             held: dict[int, float] = {}
             for key, value in part.same(law, own).items():
@@ -337,126 +255,3 @@ def refinements(problem: Problem, base: Structure, now: Structure, others: Seque
         if promise > CRITERIA.worth * max([0.0, *rivals]):
             out.append(dataclasses.replace(move, promise=promise))
     return out
-
-
-def with_mechanisms(
-    problem: Problem,
-    part: Problem,
-    now: Structure,
-    apart: Sequence[Candidate],
-    choice: dict[Name, float],
-    best: Structure | None,
-    deadline: float,
-) -> list[Move]:
-    """The best effect of each axis with a program of its own, refitted on some windows, if it may compete there.
-
-    It takes the place of added effects that it contains.
-
-    Args:
-        problem: recordings.
-        part: some of their windows.
-        now: the model that an effect is added to.
-        apart: effects with programs of their own.
-        choice: logarithm of the number of alternatives, by effect.
-        best: the best model with one effect more so far, if there is one.
-        deadline: of `time.monotonic` [s].
-    """
-    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
-    by_name: dict[Name, list[Candidate]] = {}
-    for candidate in apart:
-        by_name.setdefault(candidate.name, []).append(candidate)
-
-    def climbed(space: Space, starts: Sequence[Start]) -> tuple[Point, Point]:
-        """All starts fitted to short windows, and the best from there to the part's.
-
-        A stiff spring leaves less than a soft one before either is fitted, and moves slowly to where the soft one is
-        at once.
-        """
-        short = [Start(s.vector, s.free, problem.states_of(s.states, low)) for s in starts]
-        fitted = low.solve(space.engine, short, _TRIAL + 1)
-        which = int(np.argmin([p.value for p in fitted]))
-        first = fitted[which]
-        begun = Start(starts[which].vector, starts[which].free, problem.states_of(starts[which].states, part))
-        after = Start(first.vector, first.free, part.states_with(begun.states, low, first.states))
-        [fit] = part.solve(space.engine, _better(part, space, [begun], [after]), _TRIAL)
-        return first, fit
-
-    without = climbed(now.space, [now.point.start])
-    plant, known = now.space.plant_of(without[1].vector, now.names), now.known
-
-    def gone(name: Name) -> list[Name]:
-        """Added effects that this one contains."""
-        parts = {part.kind for part in CATALOGUE[name[0]].contains}
-        return [each for each in now.names if each[0] in parts and each[1] == name[1]]
-
-    def gains(points: tuple[Point, Point]) -> tuple[float, float]:
-        return without[0].value - points[0].value, without[1].value - points[1].value
-
-    def tried(name: Name) -> tuple[float, Plant, Candidate, tuple[Point, Point]] | None:
-        seeds, less = by_name[name], gone(name)
-        if time.monotonic() > deadline:
-            return None
-        left = tuple(e for e in plant.effects if (e.kind, e.site) not in less)
-        own = Plant(plant.bridge, (*left, _effect(seeds[0])))
-        try:
-            own.check()
-            space = _looked_at(make_space(part, own, known, shared=False))
-        except ValueError:
-            return None
-        lost = {now.space.table.entry(p).name for each in less for p in now.places(each)}
-        starts = []
-        for candidate in (*seeds, *(_taking_place(now, seed, each) for seed in seeds for each in less)):
-            vector = candidate.set(space.table, space.absent)
-            kept = [space.table.positions(entry)[0] for entry in now.free if entry not in lost]
-            free = np.array([*kept, *map(int, candidate.places(space.table))], np.int64)
-            starts.append(Start(vector, free, now.point.states))
-        points = climbed(space, starts)
-        return max(gains(points)), own, seeds[0], points
-
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        found = [t for t in pool.map(tried, by_name) if t is not None]
-    if not found:
-        return []
-    least = (0.0, 0.0)
-    if best is not None:
-        one, other = gains(climbed(best.space, [best.point.start]))
-        least = (CRITERIA.worth * one, CRITERIA.worth * other)
-    moves = []
-    for axis in AXES:
-        on_axis = [t for t in found if axis_of(t[2].name) == axis]
-        if not on_axis:
-            continue
-        _, own, candidate, points = max(on_axis, key=lambda t: t[0])
-        gained = gains(points)
-        if best is not None and gained[0] < least[0] and gained[1] < least[1]:
-            continue
-        space = make_space(problem, own, known, shared=False)
-        names = [name for name in now.names if name not in gone(candidate.name)]
-        keys = {**{name: now.keys[name] for name in names}, candidate.name: candidate.free}
-        choices = {**{name: now.choices[name] for name in names}, candidate.name: choice[candidate.name]}
-        # Long windows may have led astray what fits short ones.
-        point, windows = (points[1], part) if gained[1] > 0.0 else (points[0], low)
-        states = problem.states_with(now.point.states, windows, point.states)
-        start = Start(point.vector, point.free, states)
-        moves.append(Move(space, (*names, candidate.name), keys, choices, start))
-    return moves
-
-
-def _looked_at(space: Space) -> Space:
-    """A space of its own program without one for tangents."""
-    return dataclasses.replace(space, engine=space.engine.by_differences())
-
-
-def _taking_place(now: Structure, seed: Candidate, gone: Name) -> Candidate:
-    """A seed of a law that contains an added one, with that one's numbers; what the added one lacks is the seed's."""
-    [part] = [part for part in CATALOGUE[seed.kind].contains if part.kind == gone[0]]
-    infos = parameters_of(CATALOGUE[seed.kind])
-    same = part.same(_values(now, gone), seed.values)
-    same = {key: value for key, value in same.items() if np.any(value != infos[key].null)}
-    return dataclasses.replace(seed, values={**seed.values, **same})
-
-
-def _effect(candidate: Candidate) -> AbstractEffect:
-    return make_effect(
-        candidate.kind, candidate.site, {key: v for key, v in candidate.values.items() if key != "coulomb"}
-    )

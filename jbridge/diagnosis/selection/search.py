@@ -23,18 +23,9 @@ from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart, proposals
 from ..structures.structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
-from .moves import (
-    AT_ONCE,
-    Move,
-    added,
-    axis_of,
-    refinements,
-    removals,
-    replacements,
-    simplifications,
-    together,
-    with_mechanisms,
-)
+from .additions import added
+from .mechanisms import with_mechanisms
+from .moves import AT_ONCE, Move, axis_of, refinements, removals, replacements, simplifications, together
 from .pairs import paired
 from .screening import seen_among_all
 

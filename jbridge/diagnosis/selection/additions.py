@@ -1,0 +1,96 @@
+"""Effects that a model lacks, added by what a linear screen promises and a fit to some windows keeps."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...identification.estimation import Problem
+from ...identification.solver import Point, Start
+from ..criteria import CRITERIA
+from ..structures.candidates import Candidate
+from ..structures.space import Name
+from ..structures.structure import Structure
+from .moves import TRIAL, Move, axis_of, better_of, with_effects
+from .screening import AmongAll, screened
+
+
+def added(
+    problem: Problem,
+    part: Problem,
+    now: Structure,
+    among: AmongAll,
+    shared: Sequence[Candidate],
+    choice: dict[Name, float],
+) -> tuple[list[Move], list[Move]]:
+    """The effects that a linear screen puts first, refitted on some windows: those that may be the best, and the others
+    that should gain as well.
+
+    A refit begins with short windows alone, which are nearly linear; from there, or from the screen's estimate if that
+    is better, it goes on with whole recordings, where small scales and drifts show.
+    """
+    there, space = among.point, among.space
+    best: dict[Name, tuple[float, Candidate, Start]] = {}
+    for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
+        best.setdefault(found[1].name, found)
+    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+
+    def price(candidate: Candidate, free: NDArray[np.int64]) -> float:
+        return unit * min(len(free) - len(there.free), 2 * len(candidate.free)) + choice[candidate.name]
+
+    # Of two that meet the recordings as well, the one with fewer numbers comes first.
+    chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
+    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
+    states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
+    [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
+    absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
+    # Tangents where all are absent are the same for all.
+    linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
+    begun = better_of(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
+    *fitted, without = low.solve(space.engine, [*begun, short.start], TRIAL - 1)
+    after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
+    points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)
+    order = []
+    for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
+        gains, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
+        order.append(_Tried(candidate, point, (gains[0] - cost, gains[1] - cost)))
+    order.sort(key=lambda tried: -tried.promise)
+    # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
+    first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
+    others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
+    kept = sorted(list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1])
+    later = [k for k, tried in enumerate(order) if k not in kept and tried.promise > 0.0]
+
+    def ready(tried: _Tried) -> Move:
+        candidate = tried.candidate
+        move = with_effects(problem, part, now, among, [candidate], tried.point, choice)
+        return dataclasses.replace(move, promise=tried.promise)
+
+    return [ready(order[k]) for k in kept], [ready(order[k]) for k in later]
+
+
+class _Tried(NamedTuple):
+    """A proposal that was refitted."""
+
+    candidate: Candidate
+    point: Point
+    gains: tuple[float, float]
+    """Beyond its price, in some windows and in short ones alone: where short ones gain, long ones follow when they are
+    fitted, too."""
+
+    @property
+    def promise(self) -> float:
+        return max(self.gains)
+
+    @property
+    def axis(self) -> str:
+        return axis_of(self.candidate.name)
+
+
+def _may_win(every: Sequence[_Tried], tried: _Tried) -> bool:
+    """Whether a proposal comes near the best one on its axis, in some windows or in short ones."""
+    best = [max(t.gains[k] for t in every if t.axis == tried.axis) for k in range(2)]
+    return any(gain > 0.0 and gain >= CRITERIA.worth * most for gain, most in zip(tried.gains, best, strict=True))
