@@ -91,6 +91,10 @@ class _Tried(NamedTuple):
 
 
 def _may_win(every: Sequence[_Tried], tried: _Tried) -> bool:
-    """Whether a proposal comes near the best one on its axis, in some windows or in short ones."""
+    """Whether a proposal comes near the best one on its axis, in some windows or in short ones: promises a good part of
+    what it does, or so nearly as much that the two may not be told apart."""
     best = [max(t.gains[k] for t in every if t.axis == tried.axis) for k in range(2)]
-    return any(gain > 0.0 and gain >= CRITERIA.worth * most for gain, most in zip(tried.gains, best, strict=True))
+    near = math.log(1.0 / CRITERIA.apart)
+    return max(best) > 0.0 and any(
+        gain >= min(CRITERIA.worth * most, most - near) for gain, most in zip(tried.gains, best, strict=True)
+    )
