@@ -34,6 +34,9 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/jbridge demo --quiet --out out/demo && cp out/demo/figures/signals-holdout-1.png figures/demo.png
 	$(BIN)/python experiments/concealed/run.py --figures
 	$(BIN)/python experiments/real_rigs/run.py --figures
+	$(BIN)/python experiments/real_rigs/planted.py --figures
+	$(BIN)/python experiments/benchmark/run.py --figures
+	$(BIN)/python experiments/memory.py --figures
 	$(BIN)/jbridge figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/throughput/gpu.py --figures

@@ -84,7 +84,8 @@ def diagnose(
     problem = make_problem(setting, make_data(setting.recordings))
     problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
     space = make_space(problem, fitted.plant, model.known, shared=False)
-    search = select(problem, base_structure(problem, space, fitted.point), tell, begun + 0.75 * budget)
+    base = base_structure(problem, space, fitted.point)
+    search = select(problem, base, fitted.early, tell, begun + 0.75 * budget)
     base, found = search.held[0], search.held[-1]
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)

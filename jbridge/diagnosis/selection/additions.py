@@ -25,12 +25,22 @@ def added(
     among: AmongAll,
     shared: Sequence[Candidate],
     choice: dict[Name, float],
+    early: NDArray[np.float64] | None,
 ) -> tuple[list[Move], list[Move]]:
     """The effects that a linear screen puts first, refitted on some windows: those that may be the best, and the others
     that should gain as well.
 
     A refit begins with short windows alone, which are nearly linear; from there, or from the screen's estimate if that
     is better, it goes on with whole recordings, where small scales and drifts show.
+
+    Args:
+        problem: recordings and criterion.
+        part: some of the windows.
+        now: the model to which is added.
+        among: that model, fitted to these windows, beside all effects that share a program.
+        shared: effects that share it.
+        choice: price of having chosen an effect among all.
+        early: parameters of the model that met short windows before it was fitted to all, if they are known.
     """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
@@ -45,7 +55,11 @@ def added(
     chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
-    [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
+    starts = [Start(there.vector, there.free, states)]
+    if early is not None:
+        alive = space.with_values(now.space.table.unravel(early))
+        starts.append(Start(alive, there.free, states))
+    short = min(low.solve(space.engine, starts, 1), key=lambda point: point.value)
     absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     # Tangents where all are absent are the same for all.
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}

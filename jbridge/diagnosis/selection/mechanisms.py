@@ -1,6 +1,7 @@
 """Mechanisms and hidden springs, each with a program of its own."""
 
 import dataclasses
+import math
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -98,10 +99,13 @@ def with_mechanisms(
         found = [t for t in pool.map(tried, by_name) if t is not None]
     if not found:
         return []
-    least = (0.0, 0.0)
+    least = (-math.inf, -math.inf)
     if best is not None:
         one, other = gains(climbed(best.space, [best.point.start]))
         least = (CRITERIA.worth * one, CRITERIA.worth * other)
+    # What one recording shows of a mechanism, all of them do.
+    every, some = (len({t.recording for t in each.data.tilings}) for each in (problem, part))
+    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     moves = []
     for axis in AXES:
         on_axis = [t for t in found if axis_of(t[2].name) == axis]
@@ -109,7 +113,8 @@ def with_mechanisms(
             continue
         _, own, candidate, points = max(on_axis, key=lambda t: t[0])
         gained = gains(points)
-        if best is not None and gained[0] < least[0] and gained[1] < least[1]:
+        cost = unit * (len(points[0].free) - len(now.point.free))
+        if (gained[0] < least[0] and gained[1] < least[1]) or every / some * max(gained) < cost:
             continue
         space = make_space(problem, own, known, shared=False)
         names = [name for name in now.names if name not in gone(candidate.name)]

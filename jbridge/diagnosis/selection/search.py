@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...compilation.programs import forget_if_large
 from ...identification.data.windows import WHOLE
@@ -49,12 +50,15 @@ class Search:
     """`criterion`, `budget` or `interrupted`."""
 
 
-def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadline: float) -> Search:
+def select(
+    problem: Problem, base: Structure, early: NDArray[np.float64], tell: Callable[[str], None], deadline: float
+) -> Search:
     """Searches from a base until no move lowers the criterion, or time is over.
 
     Args:
         problem: recordings and criterion.
         base: the fitted model as given, see `base_structure`.
+        early: its parameters that met the shortest windows.
         tell: takes a line on what is being done.
         deadline: of `time.monotonic` [s].
     """
@@ -75,7 +79,7 @@ def select(problem: Problem, base: Structure, tell: Callable[[str], None], deadl
         try:
             found = _smaller(problem, base, now, runners_up, seen, deadline)
             if not leaves_nothing(problem, now):
-                found += _larger(problem, base, now, not number, seen, deadline)
+                found += _larger(problem, base, now, None if number else early, seen, deadline)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
@@ -122,7 +126,12 @@ def _smaller(
 
 
 def _larger(
-    problem: Problem, base: Structure, now: Structure, first: bool, seen: set[frozenset[str]], deadline: float
+    problem: Problem,
+    base: Structure,
+    now: Structure,
+    early: NDArray[np.float64] | None,
+    seen: set[frozenset[str]],
+    deadline: float,
 ) -> list[Structure]:
     """All models with one effect or one finer law more that were worth a fit to all windows, fitted; the best of them
     with others' effects beside it."""
@@ -139,7 +148,8 @@ def _larger(
         name: math.log(len(names)) + math.log(sum(c.name == name for c in every if not is_apart(c.kind)) or 1)
         for name in names
     }
-    moves, later = added(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+    shared = [c for c in every if not is_apart(c.kind)]
+    moves, later = added(problem, part, now, among, shared, choice, early)
     moves += refinements(problem, base, now, moves)
     found: list[Structure] = []
     good: list[Structure] = []
@@ -156,7 +166,7 @@ def _larger(
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
     if not good:
-        moves = paired(problem, part, now, among, [c for c in every if not is_apart(c.kind)], choice)
+        moves = paired(problem, part, now, among, shared, choice)
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
@@ -170,7 +180,7 @@ def _larger(
             good.insert(0, best)
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
-    if not good or (first and not leaves_nothing(problem, good[0])):
+    if not good or (early is not None and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
