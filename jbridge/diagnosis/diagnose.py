@@ -232,17 +232,18 @@ def parameters_of(
 def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
     """The model that an effect was added to, and all that were tried in its place, the effect's own first.
 
-    What the final model has as well was not in its place, and what acts on another axis, where the final model has
-    other effects, was in theirs.
+    One that took the place of another was tried where that one was added. What the final model has as well was not in
+    its place, and what acts on another axis, where the final model has other effects, was in theirs.
     """
     final = set(search.held[-1].names) - {name}
     taken = {axis_of(other) for other in final} - {axis_of(name)}
-    for before, tried in zip(search.held, search.tried, strict=False):
+    for before, tried, after in zip(search.held, search.tried, search.held[1:], strict=False):
         adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
         new = [next(iter(set(s.names) - set(before.names))) for s in adding]
         adding = [s for s, n in zip(adding, new, strict=True) if n not in final and axis_of(n) not in taken]
         own = [s for s in adding if name in s.names and name not in before.names]
-        if own and any(name in s.names for s in search.held[search.held.index(before) + 1 :][:1]):
+        placed = {n for n in after.names if n not in before.names and axis_of(n) == axis_of(name)}
+        if own and placed - final:
             return before, [own[0], *(s for s in adding if s is not own[0])]
     return None
 

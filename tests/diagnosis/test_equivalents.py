@@ -1,0 +1,49 @@
+"""Which explanations are weighed against a named effect: those that were tried in its place."""
+
+import numpy as np
+
+from jbridge.diagnosis.diagnose import _round_of
+from jbridge.diagnosis.selection.search import Search
+from jbridge.diagnosis.structures.structure import Structure
+
+DRY, STRIBECK, SPRING = ("coulomb_friction", "cart"), ("stribeck_friction", "cart"), ("spring_force", "cart")
+DRAG, PIVOT = ("load_drag", "swing"), ("coulomb_friction", "swing")
+
+
+def only(cls, **fields):
+    """An object with some of its fields, as no more of it is looked at."""
+    found = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(found, name, value)
+    return found
+
+
+def model(*names):
+    return only(Structure, names=names, blocks=np.zeros(3))
+
+
+def members(search, name):
+    found = _round_of(search, name)
+    return None if found is None else [s.names[-1] for s in found[1]]
+
+
+def test_those_that_were_tried_when_it_was_added():
+    held = (model(), model(DRY), model(DRY, PIVOT))
+    tried = ((model(SPRING), model(DRY), model(DRAG)), (model(DRY, PIVOT), model(DRY, SPRING)), ())
+    search = only(Search, held=held, tried=tried)
+    # Drag acts where the final model has another effect.
+    assert members(search, DRY) == [DRY, SPRING]
+    assert members(search, ("wind", "swing")) is None
+
+
+def test_one_that_took_the_place_of_another_was_tried_where_that_was_added():
+    held = (model(), model(DRY), model(DRY, PIVOT), model(PIVOT, STRIBECK))
+    tried = (
+        (model(DRY), model(STRIBECK), model(SPRING), model(PIVOT)),
+        (model(DRY, PIVOT), model(DRY, STRIBECK)),
+        (model(PIVOT, STRIBECK),),
+        (),
+    )
+    search = only(Search, held=held, tried=tried)
+    assert members(search, STRIBECK) == [STRIBECK, DRY, SPRING]
+    assert members(search, PIVOT) == [PIVOT]
