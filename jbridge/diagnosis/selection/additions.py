@@ -55,11 +55,10 @@ def added(
     chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
-    starts = [Start(there.vector, there.free, states)]
+    [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
     if early is not None:
-        alive = space.with_values(now.space.table.unravel(early))
-        starts.append(Start(alive, there.free, states))
-    short = min(low.solve(space.engine, starts, 1), key=lambda point: point.value)
+        alive = Start(space.with_values(now.space.table.unravel(early)), there.free, states)
+        short = min(short, *low.solve(space.engine, [alive], 1), key=lambda point: point.value)
     absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     # Tangents where all are absent are the same for all.
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
