@@ -16,6 +16,7 @@ from ..identification.result import Errors, Estimate
 from ..identification.setting import prepared, resolve
 from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
+from ..model.effects.catalogue import CATALOGUE
 from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording
@@ -233,19 +234,32 @@ def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[St
     """The model that an effect was added to, and all that were tried in its place, the effect's own first.
 
     One that took the place of another was tried where that one was added. What the final model has as well was not in
-    its place, and what acts on another axis, where the final model has other effects, was in theirs.
+    its place, and what acts on another axis, where the final model has other effects, was in theirs, unless the
+    catalogue says that some recordings cannot tell the two apart.
     """
     final = set(search.held[-1].names) - {name}
     taken = {axis_of(other) for other in final} - {axis_of(name)}
     for before, tried, after in zip(search.held, search.tried, search.held[1:], strict=False):
         adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
         new = [next(iter(set(s.names) - set(before.names))) for s in adding]
-        adding = [s for s, n in zip(adding, new, strict=True) if n not in final and axis_of(n) not in taken]
+        free = [n not in final and (axis_of(n) not in taken or _declared(name, n)) for n in new]
+        adding = [s for s, own in zip(adding, free, strict=True) if own]
         own = [s for s in adding if name in s.names and name not in before.names]
         placed = {n for n in after.names if n not in before.names and axis_of(n) == axis_of(name)}
         if own and placed - final:
             return before, [own[0], *(s for s in adding if s is not own[0])]
     return None
+
+
+def _declared(one: tuple[str, str], other: tuple[str, str]) -> bool:
+    """Whether the catalogue says of two effects that some recordings cannot tell them apart."""
+    pairs = ((one, other), (other, one))
+    return any(
+        (each.own_site, each.kind, each.site) == (a[1], *b)
+        for a, b in pairs
+        if a[0] in CATALOGUE
+        for each in CATALOGUE[a[0]].alike
+    )
 
 
 def _chances(members: Sequence[Structure]) -> np.ndarray:

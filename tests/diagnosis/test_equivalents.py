@@ -47,3 +47,10 @@ def test_one_that_took_the_place_of_another_was_tried_where_that_was_added():
     search = only(Search, held=held, tried=tried)
     assert members(search, STRIBECK) == [STRIBECK, DRY, SPRING]
     assert members(search, PIVOT) == [PIVOT]
+
+
+def test_what_the_catalogue_calls_alike_may_act_on_another_axis():
+    offset, clock = ("sensor_offset", "l_sensor"), ("clock_scale", "clock")
+    held = (model(), model(offset), model(offset, PIVOT))
+    search = only(Search, held=held, tried=((model(offset), model(clock), model(DRAG)), (model(offset, PIVOT),), ()))
+    assert members(search, offset) == [offset, clock]
