@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import jbridge  # noqa: E402
-from run import KEPT, ROOT, SHARED, load, model_file, rigs  # noqa: E402
+from experiments.real_rigs.run import KEPT, ROOT, SHARED, load, model_file, rigs  # noqa: E402
 
 PLANTED = ROOT / "figures" / "data" / "real-rigs-planted.json"
 TABLE = ROOT / "figures" / "real-rigs-planted.md"
