@@ -130,7 +130,7 @@ def table(rows: dict[str, dict[str, float]]) -> str:
         "| command | GB | s |",
         "|---|---|---|",
     ]
-    for name, row in rows.items():
+    for name, row in ((name, rows[name]) for name in commands(Path()) if name in rows):
         command, _, said = name.partition(",")
         lines.append(f"| `{command}`{said and f',{said}'} | {row['gigabytes']:.2f} | {row['seconds']:.0f} |")
     return "\n".join([*lines, ""])
