@@ -124,7 +124,8 @@ def table(rows: dict[str, dict[str, float]]) -> str:
     lines = [
         "# Memory",
         "",
-        "Peak of resident memory, on the demo's recordings (3 of 14 s) unless said. Redrawn by",
+        "Peak of resident memory, on the demo's recordings (3 of 14 s) unless said; on two cores,",
+        "beside other work, so that seconds are upper bounds. Redrawn by",
         "`python experiments/memory.py --figures`; do not edit.",
         "",
         "| command | GB | s |",

@@ -82,7 +82,7 @@ def with_mechanisms(
         own = Plant(plant.bridge, (*left, _effect(seeds[0])))
         try:
             own.check()
-            space = _looked_at(make_space(part, own, known, shared=False))
+            space = _by_differences(make_space(part, own, known, shared=False))
         except ValueError:
             return None
         lost = {now.space.table.entry(p).name for each in less for p in now.places(each)}
@@ -128,8 +128,8 @@ def with_mechanisms(
     return moves
 
 
-def _looked_at(space: Space) -> Space:
-    """A space of its own program without one for tangents."""
+def _by_differences(space: Space) -> Space:
+    """The same space with differences of predictions in the place of tangents, which would take a program more."""
     return dataclasses.replace(space, engine=space.engine.by_differences())
 
 
