@@ -1,7 +1,8 @@
 """How well a fixed model meets recordings: free runs, and windows of several horizons.
 
 The initial state of a window is estimated from the half second before it (that of a recording's first from its own
-first half second), and nothing in the window itself is looked at. So an error says what the model foresees.
+first half second), and nothing in the window itself is looked at. So an error says what the model foresees. What a model
+lacks has moved it away from the rig by the end of that half second; a Kalman filter makes up for that.
 """
 
 import dataclasses
@@ -17,12 +18,13 @@ from ..recordings import Recording
 from .data.grid import Grid
 from .data.windows import WHOLE, Data, Tiling, deviations, make_data, tiling
 from .estimation import engine_for
+from .kalman import corrections
 from .likelihood import Index, index, likelihood
 from .result import Errors
 from .sensitivity.engine import Engine, Job, Sensitivity
 from .sensitivity.windowed_rollout import STATES
 from .setting import Setting, resolve, setting_of
-from .solver import Start, residual, solve, squares
+from .solver import Point, Start, residual, residuals, solve, squares
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 """Horizons of a report [s]."""
@@ -152,7 +154,8 @@ class Judge:
 
     def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
         """Errors of a model, by its engine and parameters."""
-        data, jobs = self.data, self._jobs(self.start(engine, vector))
+        data, begun = self.data, self._begun(engine, vector)
+        jobs = self._jobs(self._of_windows(begun), self._corrections(engine, begun))
         predicted = engine.predict(jobs)
         square = np.concatenate([squares(data, k, found) for k, found in enumerate(predicted)])
         left = [_counted(residual(data, k, predicted[k]), t) for k, t in enumerate(data.tilings)]
@@ -166,17 +169,58 @@ class Judge:
         Nothing but its own recording bears on a window: neither the noise of others, nor how soon they are met. So
         whoever simulates one of several recordings alone arrives at the same state.
         """
+        return self._of_windows(self._begun(engine, vector))
+
+    def _begun(self, engine: Engine, vector: NDArray[np.float64]) -> Point:
+        """A model fitted to the stretches by their initial states."""
         found = index(self.starts)
         criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
         [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
-        every = np.concatenate(point.states)
-        return dataclasses.replace(point.start, states=tuple(every[own] for own in self.places))
+        return point
 
-    def _jobs(self, start: Start) -> list[Job]:
+    def _of_windows(self, begun: Point) -> Start:
+        every = np.concatenate(begun.states)
+        return dataclasses.replace(begun.start, states=tuple(every[own] for own in self.places))
+
+    def _corrections(self, engine: Engine, begun: Point) -> list[NDArray[np.float64]]:
+        """What is added to coordinates and velocities where windows begin, by tiling `(window, 6)`: where a Kalman
+        filter finds the rig by then, less where the stretch's simulation is."""
+        tilings, starts = self.data.tilings, self.starts.tilings
+        left = residuals(engine, self.starts, begun)
+        of_stretch = np.concatenate([np.full(t.windows, k) for k, t in enumerate(starts)])
+        precision = np.concatenate([t.precision for t in starts])
+        out = [np.zeros((t.windows, STATES)) for t in tilings]
+        for r, g in enumerate(self.data.grids):
+            own = [k for k, t in enumerate(tilings) if t.recording == r]
+            ends, first = np.unique(np.concatenate([tilings[k].count_from for k in own]), return_index=True)
+            begins = np.concatenate([tilings[k].begins for k in own])[first]
+            places = np.concatenate([self.places[k] for k in own])[first]
+            rows = np.minimum(begins[:, None] + np.arange(int((ends - begins).max()) + 1), ends[:, None])
+            before = rows[:, :-1] < ends[:, None]
+            found = np.zeros((len(ends), STATES))
+            for k in np.flatnonzero(g.active):
+                noise = self.starts.noise[r, k]
+                if np.isnan(noise):
+                    continue
+                seen = before & self.data.measured[r][rows[:, :-1], k]
+                miss = -np.stack(left)[of_stretch[places][:, None], rows[:, :-1], k]
+                spread = 1.0 / np.maximum(precision[places][:, [k, k + 3]], 1e-6) / noise
+                found[:, [k, k + 3]] = noise * corrections(g.times[rows], miss, seen, spread)
+            for number in own:
+                out[number] = found[np.searchsorted(ends, tilings[number].count_from)]
+        return out
+
+    def _jobs(self, start: Start, shifts: Sequence[NDArray[np.float64]] | None = None) -> list[Job]:
         """Simulations of all windows."""
         tilings = self.data.tilings
-        return [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
+        jobs = [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
+        if shifts is None:
+            return jobs
+        # Where nothing counts a window only leads to the next.
+        counted = [own.any(axis=1) & (t.count_from < t.stops) for own, t in zip(shifts, tilings, strict=True)]
+        moved = zip(jobs, tilings, shifts, counted, strict=True)
+        return [job._replace(shifted=t.count_from[own], shifts=each[own]) for job, t, each, own in moved]
 
     def _undetermined(self, engine: Engine, jobs: Sequence[Job]) -> NDArray[np.float64]:
         """See `Evaluation`; to first order."""

@@ -50,6 +50,24 @@ def test_windows_are_rollouts_of_their_own():
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9
 
 
+def test_a_shift_moves_what_is_simulated():
+    plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), swing_damping=0.01)
+    problem, engine, start, inputs = problem_of(plant, (WHOLE,))
+    tiling, at = problem.data.tilings[0], 70
+    job = Job(start.vector, 0, tiling.begins, tiling.states)
+    shift = np.array([0.02, 0.03, -0.01, 0.1, -0.2, 0.05])
+    [plain, shifted] = engine.predict([job, job._replace(shifted=np.array([at]), shifts=shift[None])])
+    np.testing.assert_array_equal(shifted[:at], plain[:at])
+    np.testing.assert_allclose(shifted[at] - plain[at], shift[:3], atol=1e-12)
+    # From there it is a simulation of its own.
+    lane = make_lane(inputs[0][:at], 0.01, active=EVERY_AXIS)
+    moved = simulate(plant, jnp.asarray(tiling.states[0]), lane, substeps=engine.steps.number, method=MIDPOINT)
+    there = np.array([np.asarray(part)[-1] for part in (*moved.q.axes, *moved.v.axes)]) + shift
+    after = make_lane(inputs[0][at : at + 60], 0.01, active=EVERY_AXIS)
+    own = simulate(plant, jnp.asarray(there), after, substeps=engine.steps.number, method=MIDPOINT)
+    assert np.abs(shifted[at : at + 61] - measure(plant, after, own)).max() < 1e-9
+
+
 def test_late_readings_and_inputs_reach_back_over_blocks():
     late = [("sensor_delay", f"{axis}_sensor", {"delay": delay}) for axis, delay in (("x", 0.9), ("psi", 0.035))]
     plant = make_plant(*late, ("input_delay", "cart_drive", {"delay": 0.8}), swing_damping=0.01)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..data.windows import Course
-from .windowed_rollout import STATES, Lanes, Steps, predicted, predicted_with_tangents
+from .windowed_rollout import SHIFTED, STATES, Lanes, Steps, predicted, predicted_with_tangents
 
 _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
@@ -46,6 +46,10 @@ class Job(NamedTuple):
     """and the readings and their rates there, `(window, 6)`."""
     free: NDArray[np.int64] = np.zeros(0, np.int64)
     """Places of the parameters whose tangents are wanted."""
+    shifted: NDArray[np.int64] = np.zeros(0, np.int64)
+    """Samples at which coordinates and velocities are shifted,"""
+    shifts: NDArray[np.float64] = np.zeros((0, STATES))
+    """and by how much, `(sample, 6)`."""
 
 
 class Sensitivity(NamedTuple):
@@ -226,6 +230,7 @@ class Engine:
                 towards[k, np.arange(len(places)), places] = 1.0
                 restart[k, job.begins] = 1.0
                 states[k, job.begins] = job.states
+                restart[k, job.shifted], states[k, job.shifted] = SHIFTED, job.shifts
             courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
             given = Lanes(
                 jnp.asarray(vectors),

@@ -24,6 +24,8 @@ from ..data.windows import Course
 
 STATES = 6
 """Coordinates and velocities of a window's beginning: `x, psi, l` and their rates."""
+SHIFTED = 2.0
+"""Mark of a sample at which what is simulated so far is shifted."""
 BLOCK = 64
 """Samples of a block of time: what is computed before and after the steps of a block stays in the processor's cache."""
 FAR = 1e3
@@ -54,9 +56,9 @@ class Lanes(NamedTuple):
     courses: Course
     """Inputs, with a leading axis of lanes."""
     restart: Float[Array, "lane sample"]
-    """1 where a window begins, 0 elsewhere."""
+    """1 where a window begins, 2 where coordinates are shifted, 0 elsewhere."""
     states: Float[Array, "lane sample state"]
-    """Readings and their rates there."""
+    """Readings and their rates where a window begins, and what is added to coordinates and velocities."""
     present: Bool[Array, " effect"] | None
     """Which effects act in some lane; all if None."""
 
@@ -133,10 +135,12 @@ def _simulated(
     def own(values: Array, begin: Array | int, count: int = BLOCK) -> Array:
         return jax.lax.dynamic_slice_in_dim(values, begin, count)
 
-    def behind(times: Array, states: Array) -> tuple[Axes, Axes]:
-        return _behind_sensors(plant, times, states if moved is None else states + moved[None])
+    def behind(times: Array, states: Array, restart: Array) -> tuple[Axes, Axes]:
+        told = _behind_sensors(plant, times, states if moved is None else states + moved[None])
+        shifted = Axes(*states[:, :3].T), Axes(*states[:, 3:].T)
+        return jax.tree.map(lambda a, b: jnp.where(restart == SHIFTED, b, a), told, shifted)
 
-    q, v = behind(given.edges[earlier : earlier + 1], states[:1])
+    q, v = behind(given.edges[earlier : earlier + 1], states[:1], restart[:1])
     first = start(plant, jnp.stack([*(part[0] for part in q), *(part[0] for part in v)]), lags, lane.active)
 
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
@@ -153,8 +157,9 @@ def _simulated(
         edges = own(given.edges, earlier + begin, BLOCK + 1)
         cut = even_steps(edges, steps.number)
         told = intervals(plant, cut, *arriving(plant, given, cut, earlier + begin))
-        q, v = behind(edges[:-1], own(states, begin))
-        motions, moving = jax.lax.scan(interval, motions, (told, own(restart, begin), q, v))
+        begins = own(restart, begin)
+        q, v = behind(edges[:-1], own(states, begin), begins)
+        motions, moving = jax.lax.scan(interval, motions, (told, begins, q, v))
         now = encoded(plant, *moving)
         if path is None:
             return (motions, None), sensed(plant, edges[:-1], now[0], Path(edges[:-1], *now))
@@ -210,7 +215,10 @@ def _set(carry: Motions, begins: Array, q: Axes, v: Axes) -> Motions:
     """The motion with measured coordinates set anew where a window begins; what is hidden keeps its deflection."""
 
     def moved(old: Motion, new: Axes) -> Motion:
-        x, psi, l = (jnp.where(begins > 0, a, b) for a, b in zip(new, old.axes, strict=True))  # noqa: E741
+        x, psi, l = (  # noqa: E741
+            jnp.where(begins > 0, a + jnp.where(begins == SHIFTED, b, 0.0), b)
+            for a, b in zip(new, old.axes, strict=True)
+        )
         motor = None if old.motor is None else old.motor + (x - old.x)
         loaded = None if old.loaded is None else old.loaded + (l - old.l)
         phi = None if old.phi is None else old.phi + (psi - old.psi)
