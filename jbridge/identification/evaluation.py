@@ -1,8 +1,8 @@
 """How well a fixed model meets recordings: free runs, and windows of several horizons.
 
 The initial state of a window is estimated from the half second before it (that of a recording's first from its own
-first half second), and nothing in the window itself is looked at. So an error says what the model foresees. What a model
-lacks has moved it away from the rig by the end of that half second; a Kalman filter makes up for that.
+first half second), and nothing in the window itself is looked at. So an error says what the model foresees. What a
+model lacks has moved it away from the rig by the end of that half second; a Kalman filter makes up for that.
 """
 
 import dataclasses
