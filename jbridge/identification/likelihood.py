@@ -17,8 +17,9 @@ costs the logarithm of its error, so it does not bend everything else; and one t
 most has no say of its own: a sum of logarithms would have a minimum at each such window. `n`, the effective number of
 samples of a recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so
 far leaves: it is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley,
-Supplement to the Journal of the Royal Statistical Society 8, 1946). `a` discounts windows at rest, which tell next to
-nothing of laws of motion.
+Supplement to the Journal of the Royal Statistical Society 8, 1946). `a` discounts windows in which rig and best model
+so far both rest, which tell next to nothing of laws of motion; where the rig rests and the model moves, it lacks what
+holds the rig.
 """
 
 import dataclasses
@@ -50,13 +51,22 @@ class Index:
     stop: NDArray[np.int64]
     count: NDArray[np.float64]
     """Measured samples by window and channel."""
-    motion: NDArray[np.float64]
-    """`a` by window and channel."""
+    signal: NDArray[np.float64]
+    """Variance of the readings over the noise's, by window and channel; 0 where nothing is measured."""
+
+    @property
+    def motion(self) -> NDArray[np.float64]:
+        """How much each window is one in motion, from 0 to 1, by window and channel."""
+        return _told(self.signal)
+
+
+def _told(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    return signal / (signal + _MOTION**2)
 
 
 def index(data: Data) -> Index:
-    """Lists the windows of all tilings, and how much each tells of laws of motion."""
-    parts, counts, motions = [], [], []
+    """Lists the windows of all tilings, and how much moves in each."""
+    parts, counts, signals = [], [], []
     for own, tiling in enumerate(data.tilings):
         r = tiling.recording
         for a, b in zip(tiling.count_from, tiling.stops, strict=True):
@@ -66,11 +76,11 @@ def index(data: Data) -> Index:
             var = ((data.y[r, a:b] - mean) ** 2 * seen).sum(axis=0) / np.maximum(count, 1)
             signal = var / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]) ** 2
             counts.append(count)
-            motions.append(np.where(count > 0, signal / (signal + _MOTION**2), 0.0))
+            signals.append(signal)
         for a, b in zip(tiling.begins, tiling.stops, strict=True):
             parts.append((r, tiling.horizon, own, a, b))
     recording, horizon, number, begin, stop = (np.array(column) for column in zip(*parts, strict=True))
-    return Index(recording, horizon, number, begin, stop, np.array(counts, float), np.array(motions, float))
+    return Index(recording, horizon, number, begin, stop, np.array(counts, float), np.array(signals, float))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,7 +163,9 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             effective = _effective(residuals[t][:, k], data.measured[tiling.recording, :, k])
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), []).append(float((counted * effective).sum()))
-            share[own, k] = windows.motion[own, k] / tiling.windows
+            sums = np.concatenate([[0.0], np.cumsum(residuals[t][:, k] ** 2)])
+            square = (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0)
+            share[own, k] = _told(np.maximum(windows.signal[own, k], square)) / tiling.windows
     total = 0.0
     for (r, k), values in number.items():
         own = windows.recording == r
