@@ -14,7 +14,7 @@ from ._types import AXES, Axes
 from .compilation.threads import one_thread_each
 from .errors import InputError
 from .identification.data.grid import grid
-from .identification.evaluation import free_run
+from .identification.evaluation.judge import free_run
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .model.plant import Motion, Plant

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge import InputError, fit, load_model, load_recording, save_model, simulate
-from jbridge.identification.evaluation import make_judge
+from jbridge.identification.evaluation.judge import make_judge
 from jbridge.identification.setting import setting_of
 from tests.identification.cases import DRY, cart_model, cart_recordings, make_recording
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, measure

@@ -11,7 +11,7 @@ import numpy as np
 from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
-from ..identification.evaluation import WINDOW
+from ..identification.evaluation.errors import WINDOW
 from ..identification.result import Errors, Estimate
 from ..identification.setting import prepared, resolve
 from ..identification.traces import traces

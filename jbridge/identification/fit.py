@@ -15,7 +15,8 @@ from ..recordings import Recording
 from .data.thinning import thinned
 from .data.windows import HORIZONS, make_data
 from .estimation import engine_for, fit_structure, make_problem
-from .evaluation import WINDOW, make_judge
+from .evaluation.errors import WINDOW
+from .evaluation.judge import make_judge
 from .result import Fit
 from .setting import free_places, make_setting, prepared, resolve
 from .solver import Start

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .._types import AXES
 from ..model.plant import Plant
 from .data.grid import Grid
-from .evaluation import Evaluation
+from .evaluation.errors import Evaluation
 from .residual_force import Balance, as_played, balance
 from .result import Trace
 

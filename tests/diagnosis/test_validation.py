@@ -9,7 +9,7 @@ from jbridge.diagnosis.validation.holdout import HoldOut
 from jbridge.diagnosis.validation.validate import _checked, validate
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
-from jbridge.identification.evaluation import Evaluation
+from jbridge.identification.evaluation.errors import Evaluation
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import play, steps

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.identification.evaluation import make_judge
+from jbridge.identification.evaluation.judge import make_judge
 from jbridge.identification.setting import setting_of
 from tests.identification.cases import make_recording
 from tests.problems import make_plant

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge import load_recording
-from jbridge.identification.evaluation import make_judge
+from jbridge.identification.evaluation.judge import make_judge
 from jbridge.identification.residual_force import balance
 from jbridge.identification.setting import make_setting
 from jbridge.prediction import simulate

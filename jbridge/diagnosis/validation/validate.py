@@ -21,7 +21,9 @@ from scipy.stats import t as student
 from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
 from ...identification.estimation import Problem, engine_for
-from ...identification.evaluation import Evaluation, Judge, make_judge, scatter
+from ...identification.evaluation.errors import Evaluation
+from ...identification.evaluation.judge import Judge, make_judge
+from ...identification.evaluation.repeats import scatter
 from ...identification.likelihood import Likelihood, likelihood
 from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting

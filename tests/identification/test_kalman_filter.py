@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.identification import kalman
+from jbridge.identification.evaluation import kalman_filter
 
 
 def stretches(count, samples, dt=0.005):
@@ -22,13 +22,13 @@ def conditioned(times, residual, seen, spread, q):
 
 
 def test_the_filter_is_gaussian_conditioning(monkeypatch):
-    monkeypatch.setattr(kalman, "_TAILS", 1e12)
-    monkeypatch.setattr(kalman, "_STRENGTHS", np.array([0.0, 3e4]))
+    monkeypatch.setattr(kalman_filter, "_TAILS", 1e12)
+    monkeypatch.setattr(kalman_filter, "_STRENGTHS", np.array([0.0, 3e4]))
     rng = np.random.default_rng(0)
     times, spread = stretches(4, 60), np.tile([30.0, 200.0], (4, 1))
     residual = 40.0 * np.sin(8.0 * times[:, :-1]) + rng.standard_normal((4, 60))
     seen = rng.random((4, 60)) < 0.8
-    found = kalman.corrections(times, residual, seen, spread)
+    found = kalman_filter.corrections(times, residual, seen, spread)
     for row in range(4):
         wanted = conditioned(times[row], residual[row], seen[row], spread[row], 3e4)
         np.testing.assert_allclose(found[row], wanted, rtol=1e-8)
@@ -37,7 +37,9 @@ def test_the_filter_is_gaussian_conditioning(monkeypatch):
 def test_noise_alone_corrects_nothing():
     rng = np.random.default_rng(1)
     residual = rng.standard_normal((30, 100))
-    found = kalman.corrections(stretches(30, 100), residual, np.ones((30, 100), bool), np.tile([20.0, 200.0], (30, 1)))
+    found = kalman_filter.corrections(
+        stretches(30, 100), residual, np.ones((30, 100), bool), np.tile([20.0, 200.0], (30, 1))
+    )
     assert not found.any()
 
 
@@ -49,7 +51,7 @@ def test_an_error_that_grows_is_met_at_the_end():
     residual = error[:, :-1] + rng.standard_normal((20, 100))
     # Readings that are far off, as a log has them here and there, bend little.
     residual[::4, 90] += 300.0
-    found = kalman.corrections(times, residual, np.ones((20, 100), bool), np.tile([20.0, 200.0], (20, 1)))
+    found = kalman_filter.corrections(times, residual, np.ones((20, 100), bool), np.tile([20.0, 200.0], (20, 1)))
     assert np.abs(found[:, 0] - error[:, -1]).max() < 3.0
     assert np.abs(found[:, 1] - 800.0 * strength * times[:, -1]).max() < 60.0
 
@@ -58,5 +60,5 @@ def test_an_error_that_grows_is_met_at_the_end():
 def test_without_readings_there_is_no_correction(share):
     rng = np.random.default_rng(3)
     seen = rng.random((5, 40)) < share
-    found = kalman.corrections(stretches(5, 40), np.zeros((5, 40)), seen, np.tile([20.0, 200.0], (5, 1)))
+    found = kalman_filter.corrections(stretches(5, 40), np.zeros((5, 40)), seen, np.tile([20.0, 200.0], (5, 1)))
     assert not found.any()

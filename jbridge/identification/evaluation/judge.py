@@ -12,116 +12,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import AXES
-from ..model.plant import Plant
-from ..recordings import Recording
-from .data.grid import Grid
-from .data.windows import WHOLE, Data, Tiling, deviations, make_data, tiling
-from .estimation import engine_for
-from .kalman import corrections
-from .likelihood import Index, index, likelihood
-from .result import Errors
-from .sensitivity.engine import Engine, Job, Sensitivity
-from .sensitivity.windowed_rollout import STATES
-from .setting import Setting, resolve, setting_of
-from .solver import Point, Start, residual, residuals, solve, squares
+from ...model.plant import Plant
+from ...recordings import Recording
+from ..data.grid import Grid
+from ..data.windows import WHOLE, Data, Tiling, deviations, make_data, tiling
+from ..estimation import engine_for
+from ..likelihood import index, likelihood
+from ..sensitivity.engine import Engine, Job, Sensitivity
+from ..sensitivity.windowed_rollout import STATES
+from ..setting import Setting, resolve, setting_of
+from ..solver import Point, Start, residual, residuals, solve, squares
+from .errors import Evaluation
+from .kalman_filter import corrections
 
 REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 """Horizons of a report [s]."""
-WINDOW = 2.0
-"""Length of the windows whose errors stand beside those of free runs [s]."""
 _BEFORE = 0.5
 """Time that an initial state is estimated from [s]."""
 _ITERATIONS = 5
-
-
-@dataclasses.dataclass(frozen=True)
-class Evaluation:
-    """Errors of one model on some recordings."""
-
-    data: Data
-    windows: Index
-    square: NDArray[np.float64]
-    """Mean square of each window's errors over the noise's variance, by window and channel."""
-    predicted: tuple[NDArray[np.float64], ...]
-    """Free run of each recording, `(sample, 3)`."""
-    left: tuple[NDArray[np.float64], ...]
-    """What each tiling leaves over the noise, `(sample, 3)`; 0 outside of its windows."""
-    undetermined: NDArray[np.float64]
-    """Mean variance of a window's prediction, by window and channel, over the noise's: what the half second before it
-    leaves open of its initial state, carried on. A wide swing's period hangs on its amplitude, so a small part of the
-    noise grows over a long recording, whatever the model."""
-
-    @property
-    def horizons(self) -> tuple[float, ...]:
-        return self.data.horizons
-
-    def of(self, horizon: float) -> NDArray[np.bool_]:
-        """Which windows are of a horizon."""
-        return np.asarray(self.windows.horizon == horizon)
-
-    def noise(self) -> NDArray[np.float64]:
-        """Noise by window and channel [m, rad, m]; 1 where a channel is not measured."""
-        own = self.data.noise[self.windows.recording]
-        return np.where(np.isnan(own), 1.0, own)
-
-    def errors(self, horizon: float) -> dict[str, float]:
-        """Root mean square error by channel [m, rad, m], over all samples."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            count = self.windows.count[own, k]
-            if count.any():
-                squares = self.square[own, k] * self.noise()[own, k] ** 2
-                out[axis] = float(np.sqrt(np.sum(squares * count) / np.sum(count)))
-        return out
-
-    def foreseen(self, horizon: float) -> dict[str, float]:
-        """Root mean square error that the true model stays below in 19 of 20 such recordings, by channel [m, rad, m]:
-        the noise, and what is not determined of initial states."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            count = self.windows.count[own, k]
-            if count.any():
-                noise = self.noise()[own, k] ** 2 * count
-                # A window's error comes from two numbers mostly, an angle and its rate: its square has their two
-                # degrees of freedom, a mean like its standard deviation.
-                state = self.undetermined[own, k] * noise
-                total = np.sum(noise) + np.sum(state) + 2.0 * np.sqrt(np.sum(state**2))
-                out[axis] = float(np.sqrt(total / np.sum(count)))
-        return out
-
-    def typical(self, horizon: float) -> dict[str, float]:
-        """Geometric mean over windows in motion of the error by channel [m, rad, m]."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            weight = self.windows.motion[own, k]
-            if weight.any():
-                size = np.log(np.maximum(self.square[own, k], 1e-12)) / 2 + np.log(self.noise()[own, k])
-                out[axis] = float(np.exp(np.average(size, weights=weight)))
-        return out
-
-    def excess(self, horizon: float) -> dict[str, float]:
-        """Sum over samples of squared error less noise, by channel [m^2, rad^2, m^2]."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            count = self.windows.count[own, k]
-            if count.any():
-                variance = self.noise()[own, k] ** 2
-                out[axis] = float(np.sum((self.square[own, k] - 1.0) * variance * count))
-        return out
-
-    def as_errors(self) -> Errors:
-        """Errors of free runs and of windows."""
-        return Errors(self.errors(WHOLE), self.errors(WINDOW))
-
-    def ratios(self, horizon: float) -> dict[str, float]:
-        """Root mean square error over the noise by channel."""
-        own = self.of(horizon)
-        return {
-            axis: float(np.sqrt(np.average(self.square[own, k], weights=self.windows.count[own, k])))
-            for k, axis in enumerate(AXES)
-            if self.windows.count[own, k].any()
-        }
 
 
 @dataclasses.dataclass(frozen=True)
@@ -362,36 +270,3 @@ def _passes(begins: NDArray[np.int64], stops: NDArray[np.int64]) -> list[list[in
         out.append(chosen)
         waiting = [w for w in waiting if w not in chosen]
     return out
-
-
-def scatter(data: Data, horizon: float) -> dict[str, float] | None:
-    """How far runs of one input differ, by channel [m, rad, m]: rms difference over sqrt 2 of windows of one length.
-
-    A window's difference is counted from what the two differ by at its beginning. None where no input was recorded
-    twice.
-    """
-    pairs = [(i, j) for i in range(len(data.grids)) for j in range(i) if _same_input(data.grids[i], data.grids[j])]
-    if not pairs:
-        return None
-    sums, counts = np.zeros(3), np.zeros(3)
-    for i, j in pairs:
-        n = min(data.grids[i].intervals, data.grids[j].intervals) + 1
-        both = data.measured[i, :n] & data.measured[j, :n]
-        apart = np.where(both, data.y[i, :n] - data.y[j, :n], 0.0)
-        length = n if math.isinf(horizon) else max(int(round(horizon / data.period)), 2)
-        for a in range(0, n - length + 1, length):
-            own = apart[a : a + length]
-            seen = both[a : a + length]
-            head = max(min(int(round(0.02 / data.period)), length // 4), 1)
-            begin = own[:head].sum(axis=0) / np.maximum(seen[:head].sum(axis=0), 1)
-            sums += (((own - begin) ** 2) * seen).sum(axis=0)
-            counts += seen.sum(axis=0)
-    return {axis: float(np.sqrt(sums[k] / counts[k] / 2.0)) for k, axis in enumerate(AXES) if counts[k] > 0}
-
-
-def _same_input(a: Grid, b: Grid) -> bool:
-    n = min(len(a.u), len(b.u))
-    if n < 0.9 * max(len(a.u), len(b.u)):
-        return False
-    size = float(np.ptp(a.u[:n]))
-    return size > 0 and float(np.sqrt(np.mean((a.u[:n] - b.u[:n]) ** 2))) < 0.01 * size
