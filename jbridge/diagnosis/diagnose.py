@@ -37,7 +37,11 @@ from .validation.validate import Checked, Fixed, Validation, of_its_own, unopene
 from .words import amount, effect_sentence, verdict_sentence
 
 BUDGET = 300.0
-"""Time that a diagnosis takes, about [s], a quarter of it for the validation."""
+"""Time that a diagnosis takes, about [s]."""
+_KEPT, _MOST_KEPT = 0.25, 0.5
+"""Share of it that is kept for the validation at least and at most."""
+_BESIDE = 4
+"""Fits that the model as given and the report take as long as, beside one for each effect that is left out."""
 
 
 @one_thread_each
@@ -83,10 +87,17 @@ def diagnose(
     setting = setting.thinned()
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))
+    fitting = time.monotonic()
     problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
+    once = time.monotonic() - fitting
+
+    def until(effects: int) -> float:
+        kept = min(max((_BESIDE + effects) * once, _KEPT * budget), _MOST_KEPT * budget)
+        return begun + budget - kept
+
     space = make_space(problem, fitted.plant, model.known, shared=False)
     base = base_structure(problem, space, fitted.point)
-    search = select(problem, base, fitted.early, tell, begun + 0.75 * budget)
+    search = select(problem, base, fitted.early, tell, until)
     base, found = search.held[0], search.held[-1]
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)

@@ -51,7 +51,11 @@ class Search:
 
 
 def select(
-    problem: Problem, base: Structure, early: NDArray[np.float64], tell: Callable[[str], None], deadline: float
+    problem: Problem,
+    base: Structure,
+    early: NDArray[np.float64],
+    tell: Callable[[str], None],
+    until: Callable[[int], float],
 ) -> Search:
     """Searches from a base until no move lowers the criterion, or time is over.
 
@@ -60,7 +64,7 @@ def select(
         base: the fitted model as given, see `base_structure`.
         early: its parameters that met the shortest windows.
         tell: takes a line on what is being done.
-        deadline: of `time.monotonic` [s].
+        until: when a search for so many effects is to end, by `time.monotonic` [s], since each is validated.
     """
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []
@@ -69,6 +73,7 @@ def select(
     stopped = "criterion"
     for number in range(CRITERIA.rounds):
         now = held[-1]
+        deadline = until(len(now.names) + 1)
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
         # What a larger model gains must not be what more iterations gain.
         [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
