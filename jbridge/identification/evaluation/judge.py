@@ -95,7 +95,7 @@ class Judge:
         """What is added to coordinates and velocities where windows begin, by tiling `(window, 6)`: where a Kalman
         filter finds the rig by then, less where the stretch's simulation is."""
         tilings, starts = self.data.tilings, self.starts.tilings
-        left = residuals(engine, self.starts, begun)
+        left = np.stack(residuals(engine, self.starts, begun))
         of_stretch = np.concatenate([np.full(t.windows, k) for k, t in enumerate(starts)])
         precision = np.concatenate([t.precision for t in starts])
         out = [np.zeros((t.windows, STATES)) for t in tilings]
@@ -112,7 +112,7 @@ class Judge:
                 if np.isnan(noise):
                     continue
                 seen = before & self.data.measured[r][rows[:, :-1], k]
-                miss = -np.stack(left)[of_stretch[places][:, None], rows[:, :-1], k]
+                miss = -left[of_stretch[places][:, None], rows[:, :-1], k]
                 spread = 1.0 / np.maximum(precision[places][:, [k, k + 3]], 1e-6) / noise
                 found[:, [k, k + 3]] = noise * corrections(g.times[rows], miss, seen, spread)
             for number in own:
