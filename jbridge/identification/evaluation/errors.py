@@ -1,6 +1,8 @@
 """Errors of one fixed model on some recordings, by horizon, and what the true model would leave."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +28,15 @@ class Evaluation:
     """Free run of each recording, `(sample, 3)`."""
     left: tuple[NDArray[np.float64], ...]
     """What each tiling leaves over the noise, `(sample, 3)`; 0 outside of its windows."""
-    undetermined: NDArray[np.float64]
-    """Mean variance of a window's prediction, by window and channel, over the noise's: what the half second before it
-    leaves open of its initial state, carried on. A wide swing's period hangs on its amplitude, so a small part of the
-    noise grows over a long recording, whatever the model."""
+    left_open: Callable[[], NDArray[np.float64]]
+    """Computes `undetermined`, which takes as long as all else and is seldom asked for."""
+
+    @functools.cached_property
+    def undetermined(self) -> NDArray[np.float64]:
+        """Mean variance of a window's prediction, by window and channel, over the noise's: what the half second before
+        it leaves open of its initial state, carried on. A wide swing's period hangs on its amplitude, so a small part
+        of the noise grows over a long recording, whatever the model."""
+        return self.left_open()
 
     @property
     def horizons(self) -> tuple[float, ...]:

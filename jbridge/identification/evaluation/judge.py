@@ -6,6 +6,7 @@ model lacks has moved it away from the rig by the end of that half second; a Kal
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -69,7 +70,8 @@ class Judge:
         left = [_counted(residual(data, k, predicted[k]), t) for k, t in enumerate(data.tilings)]
         whole = {t.recording: found for t, found in zip(data.tilings, predicted, strict=True) if math.isinf(t.horizon)}
         free = tuple(whole[r] for r in range(len(data.grids)))
-        return Evaluation(data, index(data), square, free, tuple(left), self._undetermined(engine, jobs))
+        left_open = functools.partial(self._undetermined, engine, jobs)
+        return Evaluation(data, index(data), square, free, tuple(left), left_open)
 
     def start(self, engine: Engine, vector: NDArray[np.float64]) -> Start:
         """A model with the initial state of each window, estimated from the half second before it.
@@ -84,7 +86,9 @@ class Judge:
         found = index(self.starts)
         criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
-        [point] = solve(engine, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
+        # Six numbers of a beginning take fewer simulations than the tangents of a fit have columns.
+        alone = engine.by_differences()
+        [point] = solve(alone, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
         return point
 
     def _of_windows(self, begun: Point) -> Start:
@@ -158,7 +162,7 @@ class Judge:
                 total = np.sum(later * np.tensordot(covariance, later, 1), axis=(0, 1))
                 out[k][w] = total / np.maximum(measured[own.count_from[w] : own.stops[w]].sum(axis=0), 1)
 
-        engine.sensitivities(jobs, take)
+        engine.by_differences().sensitivities(jobs, take)
         return np.concatenate(out)
 
     def free_runs(self, engine: Engine, start: Start) -> list[NDArray[np.float64]]:
