@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._types import AXES
 from ...model.plant import Plant
 from ...recordings import Recording
 from ..data.grid import Grid
@@ -111,6 +112,7 @@ class Judge:
             rows = np.minimum(begins[:, None] + np.arange(int((ends - begins).max()) + 1), ends[:, None])
             before = rows[:, :-1] < ends[:, None]
             found = np.zeros((len(ends), STATES))
+            frequency = math.sqrt(float(begun.vector[engine.table.positions("gravity")[0]]) / g.length)
             for k in np.flatnonzero(g.active):
                 noise = self.starts.noise[r, k]
                 if np.isnan(noise):
@@ -118,7 +120,8 @@ class Judge:
                 seen = before & self.data.measured[r][rows[:, :-1], k]
                 miss = -left[of_stretch[places][:, None], rows[:, :-1], k]
                 spread = 1.0 / np.maximum(precision[places][:, [k, k + 3]], 1e-6) / noise
-                found[:, [k, k + 3]] = noise * corrections(g.times[rows], miss, seen, spread)
+                pulled = frequency if AXES[k] == "psi" else 0.0
+                found[:, [k, k + 3]] = noise * corrections(g.times[rows], miss, seen, spread, pulled)
             for number in own:
                 out[number] = found[np.searchsorted(ends, tilings[number].count_from)]
         return out
