@@ -41,6 +41,8 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/throughput/gpu.py --figures
 	$(BIN)/python experiments/gradients.py --figures
+	$(BIN)/python experiments/random_rollouts.py --figures
+	$(BIN)/python experiments/throughput/cost.py --figures
 	$(BIN)/python experiments/tuning/run.py --figures
 	$(BIN)/python docs/tables.py
 
