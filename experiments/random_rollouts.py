@@ -1,13 +1,13 @@
-"""Does a simulation ever end in numbers that are none without saying so? A million random bridges, as four sweeps.
+"""Does a simulation ever end in NaN without saying so? Up to a million random bridges, as four sweeps.
 
-    python experiments/random_rollouts.py                   a million rollouts: half an hour
+    python experiments/random_rollouts.py                   a million rollouts: hours
     python experiments/random_rollouts.py --count 10000     fewer
     python experiments/random_rollouts.py --figures         redraw the table from figures/data/random-rollouts.json
 
 Every bridge has thirty effects, and in three of the sweeps a mechanism besides: a belt, an elastic rope, a second
 pendulum. Each number is drawn, evenly in its logarithm, from a tenth to ten times a usual value (masses, gains and
-dampings of the bridge from a third to three times). The paper's controllers move the load; most of these bridges stick,
-hit their end stops or swing wildly, and some run away: such a rollout must be marked.
+dampings of the bridge from a third to three times; places and times are held). The paper's controllers move the load;
+most of these bridges stick, hit their end stops or swing wildly. A rollout that runs away must be marked.
 """
 
 import argparse
@@ -64,14 +64,14 @@ MECHANISMS: dict[str, dict[str, dict[str, float]]] = {
     "elastic rope": {"rope_elasticity@hoist": {"stiffness": 3e3, "damping": 3.0}},
     "second pendulum": {"double_pendulum@swing": {"hook_mass": 0.015, "link": 0.1, "damping": 1e-4}},
 }
-ONE = {
+OWN_FACTORS = {
     "sensor_scale@x_sensor.scale": 2.0, "power_law_damping@swing.exponent": 1.7,
     "load_dependent_friction@hoist.share": 5.0, "belt_compliance@cart.motor_mass": 3.0,
     "double_pendulum@swing.hook_mass": 3.0,
 }  # fmt: skip
 """Numbers with a range of their own: the factor up and down."""
-POSITIVE = {"position", "start", "stop", "length", "rest", "phase", "time"}
-"""Places and times, which are held."""
+HELD = {"position", "start", "stop", "length", "rest", "phase", "time"}
+"""Keys of numbers that are not drawn: places and times."""
 
 
 def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: int, seed: int) -> Path:
@@ -81,7 +81,7 @@ def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: i
     for name, values in (EFFECTS | mechanism).items():
         kind, site = name.split("@")
         model += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *(f"{k} = {v}" for k, v in values.items())]
-        vary += [(f"{name}.{k}", v, ONE.get(f"{name}.{k}", 10.0)) for k, v in values.items() if k not in POSITIVE]
+        vary += [(f"{name}.{k}", v, OWN_FACTORS.get(f"{name}.{k}", 10.0)) for k, v in values.items() if k not in HELD]
     (folder / "model.toml").write_text("\n".join(model) + "\n")
     sweep = [
         'model = "model.toml"', "[reference]", "rest = 1.0", "speed = [0.6, 0.4]",
@@ -95,7 +95,7 @@ def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: i
 
 
 def measured(name: str, count: int, seed: int) -> dict[str, Any]:
-    """One sweep: how many rollouts were marked, and how many numbers were none although the row is not."""
+    """One sweep: how many rollouts were marked, and how many have a number that is not finite although they are not."""
     with tempfile.TemporaryDirectory() as folder:
         question = jbridge.load_sweep(specification(Path(folder), MECHANISMS[name], count, seed))
         result = jbridge.run_sweep(question, Path(folder) / "results")
@@ -114,8 +114,9 @@ def measured(name: str, count: int, seed: int) -> dict[str, Any]:
 def table(kept: dict[str, Any]) -> str:
     lines = [
         "# Random rollouts", "",
-        "Bridges with thirty effects, every number drawn over two decades, moved by the paper's controllers. Marked:",
-        "it ran away, and its row says so. Silent: a number that is none in a row that is not marked. Redrawn by",
+        "Bridges with thirty effects under the paper's controllers. Numbers are drawn from a tenth to ten times usual",
+        "values, those of the bridge from a third to three times. Marked: it ran away, and its row says so.",
+        "Silent: NaN or an infinite number in a row that is not marked. Redrawn by",
         "`python experiments/random_rollouts.py --figures`; do not edit.", "",
         "| bridges with | numbers drawn | rollouts | marked | silent | s |", "|---|---|---|---|---|---|",
     ]  # fmt: skip
@@ -135,7 +136,7 @@ def main() -> None:
         jbridge.set_up(True)
         kept = {}
         for number, name in enumerate(MECHANISMS):
-            kept[name] = measured(name, arguments.count // len(MECHANISMS), arguments.seed + number)
+            kept[name] = measured(name, max(arguments.count // len(MECHANISMS), 1), arguments.seed + number)
             print(name, kept[name], flush=True)
         DATA.write_text(json.dumps(kept, indent=1) + "\n")
     TABLE.write_text(table(json.loads(DATA.read_text())))

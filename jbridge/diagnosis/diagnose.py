@@ -41,7 +41,8 @@ BUDGET = 300.0
 _KEPT, _MOST_KEPT = 0.25, 0.5
 """Share of it that is kept for the validation at least and at most."""
 _BESIDE = 4
-"""Fits that the model as given and the report take as long as, beside one for each effect that is left out."""
+"""The refit of the model as given and the report take about as long as this many fits; each effect that is left out
+takes one more."""
 
 
 @one_thread_each
@@ -92,8 +93,8 @@ def diagnose(
     once = time.monotonic() - fitting
 
     def until(effects: int) -> float:
-        kept = min(max((_BESIDE + effects) * once, _KEPT * budget), _MOST_KEPT * budget)
-        return begun + budget - kept
+        kept = min(max((_BESIDE + effects) * once / budget, _KEPT), _MOST_KEPT)
+        return begun + (1.0 - kept) * budget
 
     space = make_space(problem, fitted.plant, model.known, shared=False)
     base = base_structure(problem, space, fitted.point)

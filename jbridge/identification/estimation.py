@@ -156,7 +156,7 @@ class Problem:
 def make_problem(setting: Setting, data: Data) -> Problem:
     """A problem whose criterion takes every sample of what is measured for a part of one smooth error."""
     windows = index(data)
-    return Problem(setting, data, windows, likelihood(data, windows, [data.y[t.recording] for t in data.tilings]))
+    return Problem(setting, data, windows, likelihood(data, windows))
 
 
 def engine_for(

@@ -17,9 +17,9 @@ costs the logarithm of its error, so it does not bend everything else; and one t
 most has no say of its own: a sum of logarithms would have a minimum at each such window. `n`, the effective number of
 samples of a recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so
 far leaves: it is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley,
-Supplement to the Journal of the Royal Statistical Society 8, 1946). `a` discounts windows in which rig and best model
-so far both rest, which tell next to nothing of laws of motion; where the rig rests and the model moves, it lacks what
-holds the rig.
+Supplement to the Journal of the Royal Statistical Society 8, 1946). `a` discounts windows in which the rig rests
+and the best model so far is right, which tell next to nothing of laws of motion; where the rig rests and the model does
+not, it lacks what holds the rig.
 """
 
 import dataclasses
@@ -142,14 +142,14 @@ class Likelihood:
         return slope / (self.scale(square) + self.variance(square)) / np.maximum(self.count, 1.0)
 
 
-def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float64]]) -> Likelihood:
+def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float64]] | None = None) -> Likelihood:
     """The criterion with effective numbers of samples from what a model leaves.
 
     Args:
         data: recordings.
         windows: of its tilings.
         residuals: what the best model so far leaves, by tiling, `(sample, 3)`, over the noise; 0 where nothing is
-            measured.
+            measured. Without a model each recording counts as one smooth error.
     """
     shape = windows.count.shape
     within, share = np.ones(shape), np.zeros(shape)
@@ -160,12 +160,15 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             counted = windows.count[own, k]
             if not counted.any():
                 continue
-            effective = _effective(residuals[t][:, k], data.measured[tiling.recording, :, k])
+            left = data.y[tiling.recording, :, k] if residuals is None else residuals[t][:, k]
+            effective = _effective(left, data.measured[tiling.recording, :, k])
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), []).append(float((counted * effective).sum()))
-            sums = np.concatenate([[0.0], np.cumsum(residuals[t][:, k] ** 2)])
-            square = (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0)
-            share[own, k] = _told(np.maximum(windows.signal[own, k], square)) / tiling.windows
+            signal = windows.signal[own, k]
+            if residuals is not None:
+                sums = np.concatenate([[0.0], np.cumsum(left**2)])
+                signal = np.maximum(signal, (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0))
+            share[own, k] = _told(signal) / tiling.windows
     total = 0.0
     for (r, k), values in number.items():
         own = windows.recording == r

@@ -94,6 +94,19 @@ def test_windows_at_rest_count_for_little():
     assert rest.max() < 0.01 and run.min() > 0.9
 
 
+def test_a_rest_counts_where_the_model_moves():
+    times = np.arange(400) * 0.01
+    data = make_data([make_recording("rest.csv", times, u_x=np.sin(times), x=np.full(400, 0.5))], (1.0,), {"x": 4e-5})
+    windows = index(data)
+    left = np.zeros((data.samples, 3))
+    left[:, 0] = np.repeat([0.0, 1.0, 5.0, 100.0], 100)[np.minimum(np.arange(data.samples), 399)]
+    share = likelihood(data, windows, [left]).share[:, 0]
+    assert share / share[3] == pytest.approx(np.array([0.0, 1 / 26, 0.5, 1.0]), rel=0.05, abs=1e-9)
+    # Without a model nothing moves, wherever the place 0 is.
+    far = dataclasses.replace(data, y=data.y + 50.0)
+    assert likelihood(far, windows).share[:, 0].max() < 1e-9
+
+
 def test_every_horizon_counts_the_same(data):
     windows = index(data)
     found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))

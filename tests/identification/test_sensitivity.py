@@ -68,6 +68,18 @@ def test_a_shift_moves_what_is_simulated():
     assert np.abs(shifted[at : at + 61] - measure(plant, after, own)).max() < 1e-9
 
 
+def test_a_shift_is_one_of_readings():
+    """A sensor's scale and offset are those of what it reads, however far the coordinate has to move for it."""
+    scales = [("sensor_scale", "x_sensor", {"scale": 2.0}), ("sensor_scale", "psi_sensor", {"scale": 0.8})]
+    plant = make_plant(*scales, ("sensor_offset", "x_sensor", {"offset": 0.3}), swing_damping=0.01)
+    problem, engine, start, _ = problem_of(plant, (WHOLE,))
+    tiling, at = problem.data.tilings[0], 70
+    shift = np.array([0.02, 0.03, -0.01, 0.1, -0.2, 0.05])
+    job = Job(start.vector, 0, tiling.begins, tiling.states)
+    [plain, shifted] = engine.predict([job, job._replace(shifted=np.array([at]), shifts=shift[None])])
+    np.testing.assert_allclose(shifted[at] - plain[at], shift[:3], atol=1e-12)
+
+
 def test_late_readings_and_inputs_reach_back_over_blocks():
     late = [("sensor_delay", f"{axis}_sensor", {"delay": delay}) for axis, delay in (("x", 0.9), ("psi", 0.035))]
     plant = make_plant(*late, ("input_delay", "cart_drive", {"delay": 0.8}), swing_damping=0.01)

@@ -64,7 +64,7 @@ def select(
         base: the fitted model as given, see `base_structure`.
         early: its parameters that met the shortest windows.
         tell: takes a line on what is being done.
-        until: when a search for so many effects is to end, by `time.monotonic` [s], since each is validated.
+        until: deadline by `time.monotonic` [s], given the number of effects that the validation will leave out.
     """
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []

@@ -1,1 +1,1 @@
-"""How well a fixed model meets recordings: errors of windows that begin where rig and model are by then."""
+"""Errors of a fixed model on recordings: whole recordings, and windows of several lengths."""

@@ -29,7 +29,7 @@ class Evaluation:
     left: tuple[NDArray[np.float64], ...]
     """What each tiling leaves over the noise, `(sample, 3)`; 0 outside of its windows."""
     left_open: Callable[[], NDArray[np.float64]]
-    """Computes `undetermined`, which takes as long as all else and is seldom asked for."""
+    """Computes `undetermined`, which takes as long as all else and is not needed to compare models."""
 
     @functools.cached_property
     def undetermined(self) -> NDArray[np.float64]:

@@ -1,8 +1,9 @@
 """How well a fixed model meets recordings: free runs, and windows of several horizons.
 
 The initial state of a window is estimated from the half second before it (that of a recording's first from its own
-first half second), and nothing in the window itself is looked at. So an error says what the model foresees. What a
-model lacks has moved it away from the rig by the end of that half second; a Kalman filter makes up for that.
+first half second), and no reading of the window itself bears on it. So an error says what the model foresees. What a
+model lacks has moved it away from the rig by the end of that half second; a Kalman filter makes up for that, whose one
+number is chosen by all of a recording's half seconds.
 """
 
 import dataclasses
@@ -32,6 +33,8 @@ REPORTED = (0.1, 0.3, 1.0, 2.0, 3.0, WHOLE)
 _BEFORE = 0.5
 """Time that an initial state is estimated from [s]."""
 _ITERATIONS = 5
+_SHORTEST = 0.01
+"""Rope length [m] for which a swing's frequency is computed at least."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +88,7 @@ class Judge:
     def _begun(self, engine: Engine, vector: NDArray[np.float64]) -> Point:
         """A model fitted to the stretches by their initial states."""
         found = index(self.starts)
-        criterion = likelihood(self.starts, found, [self.starts.y[t.recording] for t in self.starts.tilings])
+        criterion = likelihood(self.starts, found)
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
         # Six numbers of a beginning take fewer simulations than the tangents of a fit have columns.
         alone = engine.by_differences()
@@ -106,13 +109,19 @@ class Judge:
         out = [np.zeros((t.windows, STATES)) for t in tilings]
         for r, g in enumerate(self.data.grids):
             own = [k for k, t in enumerate(tilings) if t.recording == r]
-            ends, first = np.unique(np.concatenate([tilings[k].count_from for k in own]), return_index=True)
-            begins = np.concatenate([tilings[k].begins for k in own])[first]
-            places = np.concatenate([self.places[k] for k in own])[first]
+            # Nothing is before the first sample, and what nothing counts of only leads to another window.
+            told = [(t.begins < t.count_from) & (t.count_from < t.stops) for t in (tilings[k] for k in own)]
+            ends = np.concatenate([tilings[k].count_from[which] for k, which in zip(own, told, strict=True)])
+            if not len(ends):
+                continue
+            ends, first = np.unique(ends, return_index=True)
+            begins = np.concatenate([tilings[k].begins[which] for k, which in zip(own, told, strict=True)])[first]
+            places = np.concatenate([self.places[k][which] for k, which in zip(own, told, strict=True)])[first]
             rows = np.minimum(begins[:, None] + np.arange(int((ends - begins).max()) + 1), ends[:, None])
             before = rows[:, :-1] < ends[:, None]
             found = np.zeros((len(ends), STATES))
-            frequency = math.sqrt(float(begun.vector[engine.table.positions("gravity")[0]]) / g.length)
+            gravity = float(begun.vector[engine.table.positions("gravity")[0]])
+            frequency = math.sqrt(gravity / max(g.length, _SHORTEST))
             for k in np.flatnonzero(g.active):
                 noise = self.starts.noise[r, k]
                 if np.isnan(noise):
@@ -122,8 +131,8 @@ class Judge:
                 spread = 1.0 / np.maximum(precision[places][:, [k, k + 3]], 1e-6) / noise
                 pulled = frequency if AXES[k] == "psi" else 0.0
                 found[:, [k, k + 3]] = noise * corrections(g.times[rows], miss, seen, spread, pulled)
-            for number in own:
-                out[number] = found[np.searchsorted(ends, tilings[number].count_from)]
+            for number, which in zip(own, told, strict=True):
+                out[number][which] = found[np.searchsorted(ends, tilings[number].count_from[which])]
         return out
 
     def _jobs(self, start: Start, shifts: Sequence[NDArray[np.float64]] | None = None) -> list[Job]:
@@ -132,10 +141,11 @@ class Judge:
         jobs = [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
         if shifts is None:
             return jobs
-        # Where nothing counts a window only leads to the next.
-        counted = [own.any(axis=1) & (t.count_from < t.stops) for own, t in zip(shifts, tilings, strict=True)]
-        moved = zip(jobs, tilings, shifts, counted, strict=True)
-        return [job._replace(shifted=t.count_from[own], shifts=each[own]) for job, t, each, own in moved]
+        return [
+            job._replace(shifted=t.count_from[own], shifts=moved[own])
+            for job, t, moved in zip(jobs, tilings, shifts, strict=True)
+            for own in [moved.any(axis=1)]
+        ]
 
     def _undetermined(self, engine: Engine, jobs: Sequence[Job]) -> NDArray[np.float64]:
         """See `Evaluation`; to first order."""

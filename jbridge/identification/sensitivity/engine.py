@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..data.windows import Course
-from .windowed_rollout import SHIFTED, STATES, Lanes, Steps, predicted, predicted_with_tangents
+from .windowed_rollout import LOST, SHIFTED, STATES, Lanes, Steps, predicted, predicted_with_tangents
 
 _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
@@ -31,6 +31,8 @@ _TANGENT_LANES = 4
 """The same where tangents are wanted, of which each simulation has a dozen or two."""
 _DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
 """Changes by which derivatives are taken as differences, over a number and at least."""
+_ROOM = 2**21
+"""Readings that wait in memory for their differences to be taken, about."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 
 
@@ -132,8 +134,11 @@ class Engine:
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
         if self._by_differences:
-            for i, job in enumerate(jobs):
-                take(i, self._differences(job))
+            most = 1 + STATES + max((len(job.free) for job in jobs), default=0)
+            abreast = max(1, _ROOM // (most * self.samples * 3))
+            for a in range(0, len(jobs), abreast):
+                for i, found in enumerate(self._differences(jobs[a : a + abreast]), a):
+                    take(i, found)
             return
         if self._wider:
             most = max((len(job.free) for job in jobs), default=0)
@@ -163,25 +168,34 @@ class Engine:
 
         self._run(jobs, parts, width, min(self.lanes, _TANGENT_LANES), keep)
 
-    def _differences(self, job: Job) -> Sensitivity:
-        """A job's predictions, and what they change by with each number."""
-        jobs, sizes = [job], []
-        for place in job.free:
-            vector = job.vector.copy()
-            sizes.append(max(_DIFFERENCE * abs(vector[place]), _LEAST_DIFFERENCE))
-            vector[place] += sizes[-1]
-            jobs.append(job._replace(vector=vector))
-        for place in self._moving:
-            states = job.states.copy()
-            states[:, place] += _DIFFERENCE
-            sizes.append(_DIFFERENCE)
-            jobs.append(job._replace(states=states))
-        here, *changed = self.predict(jobs)
-        columns = [np.zeros((3, self.samples))] * (len(job.free) + STATES)
-        places = [*range(len(job.free)), *(len(job.free) + self._moving)]
-        for place, size, there in zip(places, sizes, changed, strict=True):
-            columns[place] = (there - here).T / size
-        return Sensitivity(here, tuple(columns))
+    def _differences(self, jobs: Sequence[Job]) -> list[Sensitivity]:
+        """Predictions of jobs, and what they change by with each number."""
+        every: list[Job] = []
+        sizes: list[list[float]] = []
+        for job in jobs:
+            every.append(job)
+            own = []
+            for place in job.free:
+                vector = job.vector.copy()
+                own.append(max(_DIFFERENCE * abs(vector[place]), _LEAST_DIFFERENCE))
+                vector[place] += own[-1]
+                every.append(job._replace(vector=vector))
+            for place in self._moving:
+                states = job.states.copy()
+                states[:, place] += _DIFFERENCE
+                own.append(_DIFFERENCE)
+                every.append(job._replace(states=states))
+            sizes.append(own)
+        predicted, out = iter(self.predict(every)), []
+        for job, own in zip(jobs, sizes, strict=True):
+            here = next(predicted)
+            columns = [np.zeros((3, self.samples))] * (len(job.free) + STATES)
+            for place, size in zip([*range(len(job.free)), *(len(job.free) + self._moving)], own, strict=True):
+                change = (next(predicted) - here).T / size
+                # A simulation that runs away has no derivative to go by.
+                columns[place] = np.where(np.abs(change) < LOST, change, 0.0)
+            out.append(Sensitivity(here, tuple(columns)))
+        return out
 
     def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:
         """Which effects some of the parts of a call have: their parameters, and which of these are free."""

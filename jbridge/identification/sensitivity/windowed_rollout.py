@@ -32,7 +32,7 @@ FAR = 1e3
 _FAST = 1e3
 """Bounds of coordinates [m, rad] and velocities, beyond which a simulation has run away: it goes on there, so that it
 counts as one that is far off, not as one that says nothing."""
-_LOST = 1e12
+LOST = 1e12
 """Largest tangent."""
 _WOUND_IN = 0.01
 """Shortest rope [m]."""
@@ -58,7 +58,7 @@ class Lanes(NamedTuple):
     restart: Float[Array, "lane sample"]
     """1 where a window begins, 2 where coordinates are shifted, 0 elsewhere."""
     states: Float[Array, "lane sample state"]
-    """Readings and their rates where a window begins, and what is added to coordinates and velocities."""
+    """Readings and their rates where a window begins, and what is added to either where they are shifted."""
     present: Bool[Array, " effect"] | None
     """Which effects act in some lane; all if None."""
 
@@ -94,7 +94,7 @@ def predicted_with_tangents(
         predicted, tangent = jax.jvp(of, (lanes.vectors, jnp.zeros(STATES)), (direction, change))
         tangent = jnp.swapaxes(tangent, 1, 2)
         # A simulation that runs away has no tangents to go by.
-        return predicted, jnp.where(jnp.abs(tangent) < _LOST, tangent, 0.0)
+        return predicted, jnp.where(jnp.abs(tangent) < LOST, tangent, 0.0)
 
     count, width, size = towards.shape
     along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((len(begun), count, size))])
@@ -137,7 +137,9 @@ def _simulated(
 
     def behind(times: Array, states: Array, restart: Array) -> tuple[Axes, Axes]:
         told = _behind_sensors(plant, times, states if moved is None else states + moved[None])
-        shifted = Axes(*states[:, :3].T), Axes(*states[:, 3:].T)
+        # A reading that is to move by so much asks for another change of the coordinate where a sensor has a scale.
+        scales = jnp.stack([_scale(plant, axis) for axis in AXES])
+        shifted = Axes(*(states[:, :3] / scales[None]).T), Axes(*(states[:, 3:] / scales[None]).T)
         return jax.tree.map(lambda a, b: jnp.where(restart == SHIFTED, b, a), told, shifted)
 
     q, v = behind(given.edges[earlier : earlier + 1], states[:1], restart[:1])
@@ -205,6 +207,14 @@ def _behind_sensors(plant: Plant, times: Array, states: Array) -> tuple[Axes, Ax
         for late in plant.all(SensorDelay, f"{axis}_sensor"):
             q[k] = q[k] + late.delay * v[k]
     return Axes(*q), Axes(*v)
+
+
+def _scale(plant: Plant, axis: str) -> Array:
+    """What a change of a coordinate is multiplied with in the reading."""
+    scale = jnp.asarray(1.0)
+    for sensor in plant.all(SensorScale, f"{axis}_sensor"):
+        scale = scale * sensor.scale
+    return scale
 
 
 def _less_error(sensor: AbstractSensor, times: Array, reading: Array) -> Array:
