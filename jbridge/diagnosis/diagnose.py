@@ -5,6 +5,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from .experiment_design.discrimination import Contender
 from .experiment_design.next_experiment import next_experiment
 from .localization.location import location, repeatable
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
-from .selection.moves import axis_of
+from .selection.moves import AT_ONCE, axis_of
 from .selection.search import Search, select
 from .structures.candidates import WRONG_VALUE
 from .structures.space import make_space
@@ -127,7 +128,10 @@ def _told(
     tell("drawing up the report")
     values, doubts = _estimated(problem, final)
     searched = values if final.names == found.names else _estimated(problem, of_its_own(problem, found))[0] | values
-    effects = tuple(_named(search, sealed, c, searched, c.name in final.names) for c in checked.checked)
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        # Explanations that are not told apart have programs of their own.
+        named = [pool.submit(_named, search, sealed, c, searched, c.name in final.names) for c in checked.checked]
+        effects = tuple(each.result() for each in named)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
     training = shown
     if opened:
