@@ -74,15 +74,21 @@ HELD = {"position", "start", "stop", "length", "rest", "phase", "time"}
 """Keys of numbers that are not drawn: places and times."""
 
 
+def model_text(bridge: dict[str, float], effects: dict[str, dict[str, float]]) -> str:
+    """A model file of a bridge with effects, each by `kind@site`."""
+    lines = ["[bridge]", *(f"{key} = {value}" for key, value in bridge.items())]
+    for name, values in effects.items():
+        kind, site = name.split("@")
+        lines += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *(f"{k} = {v}" for k, v in values.items())]
+    return "\n".join(lines) + "\n"
+
+
 def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: int, seed: int) -> Path:
     """Writes model and sweep."""
-    model = ["[bridge]", "gravity = 9.81", *(f"{key} = {value}" for key, value in BRIDGE.items())]
     vary = [(key, value, 3.0) for key, value in BRIDGE.items()]
     for name, values in (EFFECTS | mechanism).items():
-        kind, site = name.split("@")
-        model += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *(f"{k} = {v}" for k, v in values.items())]
         vary += [(f"{name}.{k}", v, OWN_FACTORS.get(f"{name}.{k}", 10.0)) for k, v in values.items() if k not in HELD]
-    (folder / "model.toml").write_text("\n".join(model) + "\n")
+    (folder / "model.toml").write_text(model_text({"gravity": 9.81, **BRIDGE}, EFFECTS | mechanism))
     sweep = [
         'model = "model.toml"', "[reference]", "rest = 1.0", "speed = [0.6, 0.4]",
         "[sample]", 'kind = "random"', f"count = {count}", f"seed = {seed}",

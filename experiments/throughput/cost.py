@@ -20,7 +20,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT), str(ROOT / "experiments")]
 
-from random_rollouts import EFFECTS  # noqa: E402
+from random_rollouts import EFFECTS, model_text  # noqa: E402
 
 import jbridge  # noqa: E402
 import ours  # noqa: E402
@@ -35,13 +35,9 @@ LANES, SECONDS = 1024, 2.0
 
 def plant(count: int) -> Any:
     """The bridge with the first so many effects."""
-    lines = ["[bridge]", *(f"{key} = {value}" for key, value in MODEL.items())]
-    for name, values in list(EFFECTS.items())[:count]:
-        kind, site = name.split("@")
-        lines += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *(f"{k} = {v}" for k, v in values.items())]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        path.write_text("\n".join(lines) + "\n")
+        path.write_text(model_text(MODEL, dict(list(EFFECTS.items())[:count])))
         return jbridge.load_model(path).plant
 
 

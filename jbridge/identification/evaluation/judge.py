@@ -68,7 +68,7 @@ class Judge:
     def at(self, engine: Engine, vector: NDArray[np.float64]) -> Evaluation:
         """Errors of a model, by its engine and parameters."""
         data, begun = self.data, self._begun(engine, vector)
-        jobs = self._jobs(self._of_windows(begun), self._corrections(engine, begun))
+        jobs = self._shifted(self._jobs(self._of_windows(begun)), self._corrections(engine, begun))
         predicted = engine.predict(jobs)
         square = np.concatenate([squares(data, k, found) for k, found in enumerate(predicted)])
         left = [_counted(residual(data, k, predicted[k]), t) for k, t in enumerate(data.tilings)]
@@ -135,17 +135,18 @@ class Judge:
                 out[number][which] = found[np.searchsorted(ends, tilings[number].count_from[which])]
         return out
 
-    def _jobs(self, start: Start, shifts: Sequence[NDArray[np.float64]] | None = None) -> list[Job]:
+    def _jobs(self, start: Start) -> list[Job]:
         """Simulations of all windows."""
         tilings = self.data.tilings
-        jobs = [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
-        if shifts is None:
-            return jobs
-        return [
-            job._replace(shifted=t.count_from[own], shifts=moved[own])
-            for job, t, moved in zip(jobs, tilings, shifts, strict=True)
-            for own in [moved.any(axis=1)]
-        ]
+        return [Job(start.vector, t.recording, t.begins, s) for t, s in zip(tilings, start.states, strict=True)]
+
+    def _shifted(self, jobs: Sequence[Job], shifts: Sequence[NDArray[np.float64]]) -> list[Job]:
+        """The same, corrected where windows begin."""
+        out = []
+        for job, t, moved in zip(jobs, self.data.tilings, shifts, strict=True):
+            own = moved.any(axis=1)
+            out.append(job._replace(shifted=t.count_from[own], shifts=moved[own]))
+        return out
 
     def _undetermined(self, engine: Engine, jobs: Sequence[Job]) -> NDArray[np.float64]:
         """See `Evaluation`; to first order."""

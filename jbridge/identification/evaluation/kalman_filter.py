@@ -8,8 +8,7 @@ nothing pulls back) that a random force drives,
 
 (Kalman, Journal of Basic Engineering 82, 1960). The strength `q` of the force is the one with which the first halves
 of a recording's stretches foretell the second halves best. Unless the residuals are so much more likely with it that
-they pay the price of one more number, the simulation goes on as it is. That of a model that lacks nothing hardly ever
-does otherwise.
+they pay the price of one more number, nothing is corrected; so it is nearly always with a model that lacks nothing.
 """
 
 import numpy as np
