@@ -1,10 +1,11 @@
-"""The concealed cases: five parts, each drawn from a seed of its own.
+"""The concealed cases: parts, each drawn from a seed of its own.
 
 A case is a truth (numbers, effects, what was concealed, what a perfect answer would be), a model with wrong
 numbers and without the concealed effects, and a plan of recordings. The `dev` half serves for choosing
-settings, and so does `rough`, which is closer to real rigs; the `proof` half for the proof. `wide` is a larger proof,
-with every effect at three severities, and `fresh` a smaller one for the method when it is done, each case once. Which
-case holds what is shuffled, so a case's number says nothing.
+settings, and so do `rough` and `hybrid`, which are closer to real rigs (`hybrid` is played where recordings of them
+are at hand, see `recorded.py`); the `proof` half for the proof. `wide` is a larger proof, with every effect at three
+severities, and `fresh` a smaller one for the method when it is done, each case once. Which case holds what is shuffled,
+so a case's number says nothing.
 """
 
 import hashlib
@@ -14,12 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from kinds import Draw, draw
-from makeup import AXES, CLUTTER, HALVES
+from makeup import AXES, CLUTTER, HALVES, RECORDED
 from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
-MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827}
-_SIZED = {"clutter": 60417254, "law-sizes": 30918828}
+MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827,
+          "hybrid": 48120659}  # fmt: skip
+_SIZED = {"clutter": 60417254, "law-sizes": 30918828, "recorded": 48120660}
 """Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
 AXIS = {"cart": "cart", "cart_drive": "cart", "x_sensor": "cart", "swing": "swing", "psi_sensor": "swing",
@@ -155,12 +157,18 @@ def _clutter(flavour: str, severity: float, sizes: dict, d: Draw) -> list[dict]:
     return [draw(*name.split(), d.key, size) for name, size in sized]
 
 
+def _recorded(flavour: str, severity: float, sizes: dict, d: Draw) -> list[dict]:
+    """What a real rig's recordings leave, on every axis, each a tenth of the error."""
+    names = [name for name in RECORDED if name.split()[1] in AXES[flavour]]
+    return [draw(*name.split(), d.key, _scaled(name, 0.1 * severity, sizes)) for name in names]
+
+
 def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     d = Draw(key)
     words = line.split(maxsplit=1)
     flavour, rest = words[0], words[1]
     loop = "closed" if rest.endswith(" closed") else "open"
-    rest, cluttered, _ = rest.removesuffix(" closed").partition(" in clutter")
+    rest, _, noise = rest.removesuffix(" closed").partition(" in ")
     rest, _, severity = rest.partition(" at ")
     names = [] if rest.startswith("null") else rest.split(" + ")
     bridge = _bridge(d, names)
@@ -183,8 +191,8 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
             size = own or (_scaled(name, float(severity), sizes) if severity else 1.0)
             concealed.append(draw(kind, site, key, size))
     played = owned + [e for e in concealed if e["kind"] != "wrong_value" and e not in owned]
-    clutter = _clutter(flavour, float(severity), sizes, d) if cluttered else []
-    played += clutter
+    if noise:
+        played += {"clutter": _clutter, "recorded forces": _recorded}[noise](flavour, float(severity), sizes, d)
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]
     equivalents = [

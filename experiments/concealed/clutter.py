@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+import recorded
 from effects import Effect, ForceLaw, Layout, Vector
 
 
@@ -80,6 +81,19 @@ def _drum_seams(e: Effect) -> Callable[[float, float, float], float]:
     return lambda t, q, v: e["level"] * profile(q)
 
 
+def _recorded_force(e: Effect, at: Layout, dt: float) -> ForceLaw:
+    """What the recordings of a real rig leave, in stretches, whatever this rig does."""
+    push = recorded.force(e["rig"], e["site"], int(e["seed"]))
+    if e["site"] == "cart":
+        return lambda t, q, v, forces: at.push_cart(e["level"] * push(t), forces)
+    joint = {"swing": at.psi, "hoist": at.l}[e["site"]]
+
+    def law(t: float, q: Vector, v: Vector, forces: Vector) -> None:
+        forces[joint] += e["level"] * push(t)
+
+    return law
+
+
 FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "rail_joints": _rail_joints,
     "cable_bundle": _cable_bundle,
@@ -92,6 +106,7 @@ FORCES: dict[str, Callable[[Effect, Layout, float], ForceLaw]] = {
     "drum_seams": _on("l", _drum_seams),
     "motor_hum": _on("l", _room_draught),
     "dry_bearing": _on("l", lambda e: lambda t, q, v: -e["level"] * math.copysign(math.sqrt(abs(v)), v)),
+    "recorded_force": _recorded_force,
 }
 
 

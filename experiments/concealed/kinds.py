@@ -7,6 +7,7 @@ at 0. Delays are whole engine steps. The size factor is the case's entry in `siz
 
 import numpy as np
 
+import recorded
 from scene import DT
 
 
@@ -57,6 +58,10 @@ def _wind(d: Draw, s: float) -> dict:
 
 def _waves(d: Draw, level: float, slowest: float, fastest: float) -> dict:
     return {"level": level, "slowest": slowest, "fastest": fastest, "seed": int(d.key.integers(1, 2**31))}
+
+
+def _recorded(d: Draw, axis: str, level: float) -> dict:
+    return {"level": level, "rig": str(d.key.choice(recorded.SOURCES[axis])), "seed": int(d.key.integers(1, 2**31))}
 
 
 def _jump(d: Draw, low: float, high: float, count: float, s: float) -> dict:
@@ -164,6 +169,9 @@ KINDS = {
     ("drum_seams", "hoist"): lambda d, s: {"level": s * 0.2, "seed": int(d.key.integers(1, 2**31))},
     ("motor_hum", "hoist"): lambda d, s: _waves(d, s * 0.1, 0.3, 4.0),
     ("dry_bearing", "hoist"): lambda d, s: {"level": s * 0.3},
+    ("recorded_force", "cart"): lambda d, s: _recorded(d, "cart", s * 0.3),
+    ("recorded_force", "swing"): lambda d, s: _recorded(d, "swing", s * 1e-3),
+    ("recorded_force", "hoist"): lambda d, s: _recorded(d, "hoist", s * 0.2),
     ("mains_ripple", "cart_drive"): lambda d, s: _waves(d, s * 0.01, 0.3, 3.0),
     ("mains_ripple", "hoist_drive"): lambda d, s: _waves(d, s * 0.02, 0.3, 3.0),
 }  # fmt: skip

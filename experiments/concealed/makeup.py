@@ -1,10 +1,11 @@
-"""The make-up of the parts, `dev`, `rough`, `proof`, `wide` and `fresh`: one case a line.
+"""The make-up of the parts, `dev`, `rough`, `hybrid`, `laws`, `proof`, `wide` and `fresh`: one case a line.
 
 Each line is the flavour of the rig (full bridge, rope locked, cart alone, pendulum on a fixed cart), what
 is concealed, and the loop if it is closed. `null` conceals nothing: only numbers are wrong. With `wander`,
 friction wanders by 5 % from place to place and time to time; with `rough`, the sensor noise is larger and
 correlated. `at 5` asks for a hold-out error of about five times the noise where the effect is left out; `in clutter`
-adds four to eight small forces that no catalogue lists (`clutter.py`).
+adds four to eight small forces that no catalogue lists (`clutter.py`), `in recorded forces` what recordings of real
+rigs leave (`recorded.py`), each a tenth of that error.
 """
 
 import itertools
@@ -208,6 +209,9 @@ AXES = {"full": ("cart", "swing", "hoist"), "locked": ("cart", "swing"), "cart":
 
 HALVES["clutter"] = [f"full {name}" for names in CLUTTER.values() for name in names]
 """Only to size the clutter."""
+RECORDED = ("recorded_force cart", "recorded_force swing", "recorded_force hoist")
+HALVES["recorded"] = [f"full {name}" for name in RECORDED]
+"""Only to size what recordings of real rigs leave."""
 
 HALVES["rough"] = [
     f"{line} in clutter{closed}"
@@ -243,6 +247,9 @@ HALVES["rough"] = [
     )
 ]
 """Like real rigs: what is concealed is large against the noise, and stands among what no law explains."""
+
+HALVES["hybrid"] = [line.replace("in clutter", "in recorded forces") for line in HALVES["rough"][::2]]
+"""The same, where the residual forces of real rigs act in place of the clutter."""
 
 LAWS = (
     "rod_inertia swing", "load_dependent_friction cart", "load_dependent_friction swing",

@@ -162,7 +162,7 @@ def target(name: str, catalogued: bool) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--half", choices=["dev", "proof", "clutter", "law-sizes"], required=True)
+    parser.add_argument("--half", choices=["dev", "proof", "clutter", "law-sizes", "recorded"], required=True)
     parser.add_argument("--out", type=Path, default=FILE)
     half, out = parser.parse_args().half, parser.parse_args().out
     sizes = json.loads(out.read_text()) if out.exists() else {}

@@ -8,7 +8,7 @@ _SITES = {
     "hoist_drive": "hoist drive",
     "x_sensor": "cart position sensor",
     "psi_sensor": "angle sensor",
-    "l_sensor": "rope length sensor",
+    "l_sensor": "rope length",  # which a recording has, or its owner has measured once
     "clock": "clock of the recordings",
 }
 _KINDS = {

@@ -19,10 +19,14 @@ DRAG = ("quadratic_drag", "cart")
 
 
 class Run(Evaluation):
-    """Errors at one horizon, in units of each channel's noise; the cart's is a thousandth of the swing's."""
+    """Errors at one horizon, in units of each channel's noise; the cart's is a thousandth of the swing's.
 
-    def __init__(self, x, psi=0.0):
-        object.__setattr__(self, "total", {"x": x, "psi": psi})
+    Besides those of most windows there are those of one that no model meets.
+    """
+
+    def __init__(self, x, psi=0.0, *, unmet=0.0):
+        object.__setattr__(self, "most", {"x": x, "psi": psi})
+        object.__setattr__(self, "total", {"x": x + unmet, "psi": psi})
 
     @property
     def horizons(self):
@@ -30,6 +34,9 @@ class Run(Evaluation):
 
     def ratios(self, horizon):
         return {axis: np.sqrt(1.0 + total) for axis, total in self.total.items()}
+
+    def typical_excess(self, horizon):
+        return self.most
 
     def excess(self, horizon):
         return {"x": 1e-6 * self.total["x"], "psi": self.total["psi"]}
@@ -72,6 +79,11 @@ def test_an_effect_is_judged_in_the_channel_in_which_it_matters():
     before, after, without = Run(1e6, 0.9), Run(9e5, 0.1), Run(9e5, 0.8)
     for channel, status in ((0, "suggested"), (1, "confirmed")):
         assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], channel), before, after, without).status == status
+
+
+def test_a_window_that_no_model_meets_has_no_say():
+    before, after, without = (Run(x, unmet=1e3) for x in (100.0, 10.0, 90.0))
+    assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), before, after, without).status == "confirmed"
 
 
 def test_where_nothing_exceeds_the_noise_steadiness_alone_decides():

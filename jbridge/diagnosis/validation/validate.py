@@ -2,10 +2,11 @@
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
 the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
-the channel in which it matters most, it explains more than what is left without a name: that, too, is a force that
-hold-outs repeat, and whatever effect is most like it imitates a part of it. Errors of channels are not added up: what
-one of them cannot explain says nothing of another, and their noise, which a fine encoder makes as small as one likes,
-is no common unit.
+the channel in which it matters most, it takes more off the typical error than what is left without a name: that, too,
+is a force that hold-outs repeat, and whatever effect is most like it imitates a part of it. The error is that of most
+windows, as the criterion counts it, since one that no model meets says nothing of the others. Errors of channels are
+not added up: what one of them cannot explain says nothing of another, and their noise, which a fine encoder makes as
+small as one likes, is no common unit.
 """
 
 import dataclasses
@@ -285,10 +286,11 @@ def _checked(
         run: the model without it.
     """
     total, (steady, freedom) = float(loss.sum()), steadiness(loss.sum(axis=1))
-    own, closed = _explained(before, complete, run), _explained(before, complete)
+    own, (horizon, axes) = _explained(before, complete, run), _shown(before)
     # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
     axis = AXES[int(loss.sum(axis=0).argmax())]
-    nameless = axis in own and own[axis] <= 1.0 - closed[axis]
+    left, without = (each.typical_excess(horizon)[axis] for each in (complete, run)) if axis in axes else (0.0, 0.0)
+    nameless = axis in axes and without - left <= left
     explained = float(np.mean(list(own.values()))) if own else None
     # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
     if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:

@@ -86,6 +86,16 @@ class Evaluation:
                 out[axis] = float(np.exp(np.average(size, weights=weight)))
         return out
 
+    def typical_excess(self, horizon: float) -> dict[str, float]:
+        """Square of the typical error less noise, in units of the noise's variance, by channel; at least 0."""
+        own, out = self.of(horizon), {}
+        for k, axis in enumerate(AXES):
+            weight = self.windows.motion[own, k]
+            if weight.any():
+                size = np.average(np.log(np.maximum(self.square[own, k], 1e-12)), weights=weight)
+                out[axis] = max(float(np.exp(size)) - 1.0, 0.0)
+        return out
+
     def excess(self, horizon: float) -> dict[str, float]:
         """Sum over samples of squared error less noise, by channel [m^2, rad^2, m^2]."""
         own, out = self.of(horizon), {}
