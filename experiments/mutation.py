@@ -42,7 +42,7 @@ MODULES = {
     "identification/uncertainty": ["tests/identification/test_uncertainty.py"],
     "fuzzy/inference": ["tests/fuzzy/test_inference.py"],
     "fuzzy/fis": ["tests/fuzzy/test_fis.py", "tests/control/test_files.py"],
-    "control/fuzzy_files": ["tests/control"],
+    "control/fuzzy_files": ["tests/control/test_files.py"],
     "model/files": ["tests/model/test_files.py"],
     "recordings/sidecar": ["tests/recordings/test_sidecar.py"],
     "recordings/tables/csv_table": ["tests/recordings/test_refusals.py", "tests/recordings/test_load.py"],
@@ -242,19 +242,22 @@ def table(kept: dict[str, Any], reasons: dict[str, dict[str, str]]) -> str:
         "# Mutation", "",
         "Modules with one small change each (an operator, comparison or constant, a condition turned round, a",
         "statement left out), thirty drawn from all places of a module, under its tests alone. Killed: a test failed.",
+        "Equivalent: no test could fail, for the reason below. Share: killed, of those that are not equivalent.",
         "Redrawn by `python experiments/mutation.py --figures`; do not edit.", "",
-        "| module | places | changed | killed | share |", "|---|---|---|---|---|",
+        "| module | places | changed | killed | equivalent | share |", "|---|---|---|---|---|---|",
     ]  # fmt: skip
-    rows = {module: kept[module] for module in MODULES if module in kept}
-    total = {key: sum(row[key] for row in rows.values()) for key in ("places", "changed")}
-    left = {module: len(row["survivors"]) for module, row in rows.items()}
-    for name, row, alive in [*((m, rows[m], left[m]) for m in rows), ("all", total, sum(left.values()))]:
-        killed = row["changed"] - alive
-        share = f"{100 * killed / max(row['changed'], 1):.0f} %"
-        lines.append(f"| {name} | {row['places']} | {row['changed']} | {killed} | {share} |")
+    counts, total = {}, [0, 0, 0, 0]
+    for module in (module for module in MODULES if module in kept):
+        row, known = kept[module], reasons.get(module, {})
+        alike = sum(known.get(name, "").startswith("Equivalent") for name in row["survivors"])
+        counts[module] = [row["places"], row["changed"], row["changed"] - len(row["survivors"]), alike]
+        total = [a + b for a, b in zip(total, counts[module], strict=True)]
+    for name, (places, changed, killed, alike) in [*counts.items(), ("all", total)]:
+        share = f"{100 * killed / max(changed - alike, 1):.0f} %"
+        lines.append(f"| {name} | {places} | {changed} | {killed} | {alike} | {share} |")
     lines += ["", "| survivor | line and change | why |", "|---|---|---|"]
-    for module, row in rows.items():
-        for name in row["survivors"]:
+    for module in counts:
+        for name in kept[module]["survivors"]:
             shown = " ".join(name.split()).replace("|", "\\|")
             lines.append(f"| {module} | `{shown}` | {reasons.get(module, {}).get(name, '')} |")
     return "\n".join(lines) + "\n"
