@@ -1,4 +1,4 @@
-"""Every command says the same in every process: other hash seeds, one thread or many, with and without kept programs."""
+"""Every command ends the same in every process: other hash seeds, one thread or many, with kept programs or without."""
 
 import os
 import subprocess
