@@ -1,9 +1,12 @@
 """Windows simulated through a recording against rollouts of their own, and tangents against central differences."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jbridge.identification import solver
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.sensitivity import engine as module
@@ -188,6 +191,18 @@ def test_long_recordings_are_taken_one_by_one(monkeypatch):
     for number, one in few.items():
         np.testing.assert_allclose(one.predicted, many[number].predicted, rtol=0, atol=1e-12)
         np.testing.assert_allclose(one.tangents, many[number].tangents, rtol=1e-9, atol=1e-12)
+
+
+def test_windows_are_taken_some_at_a_time(monkeypatch):
+    """Each has products of its own, so nothing depends on how many are taken together."""
+    problem, engine, start, _ = problem_of(DRY, (0.3, WHOLE))
+    points = problem.evaluate(engine, [start])
+    [together] = problem.normal(engine, points)
+    monkeypatch.setattr(solver, "_ABREAST", 3)
+    [apart] = problem.normal(engine, points)
+    assert max(tiling.windows for tiling in problem.data.tilings) > 3 and np.any(together.back)
+    for one, other in zip(dataclasses.astuple(together), dataclasses.astuple(apart), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_simulation_that_runs_away_is_far_off_and_finite():
