@@ -1,6 +1,6 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow format figures docs clean
+.PHONY: help setup demo test test-slow coverage format figures docs clean
 
 # Any Python from 3.11 on will do: rm -rf .venv && make setup PYTHON=/path/to/python
 PYTHON ?= $(shell for p in python3.11 python3; do $$p -c '' 2>/dev/null && echo $$p && break; done)
@@ -26,6 +26,11 @@ test: $(INSTALLED) ## Check style and types, then run the tests that are not slo
 test-slow: $(INSTALLED) ## Run the slow tests
 	$(BIN)/pytest -m slow $(ABREAST)
 
+coverage: $(INSTALLED) ## Report which branches the tests that are not slow run: half an hour, in one process
+	$(BIN)/coverage run -m pytest -q -m "not slow"
+	$(BIN)/coverage html --quiet --directory out/coverage/html
+	$(BIN)/coverage report --sort=cover
+
 format: $(INSTALLED) ## Format the code and sort its imports
 	$(BIN)/ruff check --select I --fix
 	$(BIN)/ruff format
@@ -37,6 +42,7 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/python experiments/real_rigs/planted.py --figures
 	$(BIN)/python experiments/benchmark/run.py --figures
 	$(BIN)/python experiments/memory.py --figures
+	$(BIN)/python experiments/mutation.py --figures
 	$(BIN)/jbridge figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/throughput/gpu.py --figures

@@ -74,17 +74,28 @@ COMMANDS = {
     "sweep": ["sweep", "spec.toml", "--workers", "0", "--out", "OUT"],
     "figures": ["figures", "--data", str(ROOT / "figures" / "data" / "paper.json"), "--out", "OUT"],
 }
+OTHERS = {
+    "check": ["check", "cart.toml", "a.csv", "b.csv", "--out", "OUT"],
+    "simulate": ["simulate", "model.toml", "--input", "bridge.csv", "--out", "OUT/simulated.csv"],
+    "control": ["control", "model.toml", "--out", "OUT"],
+    "export": ["export", "model.toml", "--to", "c", "--out", "OUT"],
+}
+"""Commands that are over too soon to be worth a kill."""
 TIMES = ("seconds",)
 """Keys of what a command says of its own time."""
 
 
 def prepare(folder: Path) -> None:
-    """A cart with a constant force that its model lacks, recorded three times, and a bridge to tune and to sweep."""
+    """A cart with a constant force that its model lacks, recorded three times, and a bridge with inputs of its own."""
     (folder / "model.toml").write_text(MODEL)
     (folder / "spec.toml").write_text(SWEEP)
     (folder / "cart.toml").write_text(
         "[bridge]\ncart_mass = 2.0\ncart_damping = 12.0\ncart_gain = 4.0\nknown = ['cart_mass']\n"
     )
+    times = 0.02 * np.arange(100)
+    inputs = np.stack([times, np.sign(np.sin(5 * times)), np.sign(np.sin(3 * times))], axis=1)
+    np.savetxt(folder / "bridge.csv", inputs, "%.3f", ",", header="t,u_x,u_l", comments="")
+    (folder / "bridge.toml").write_text("[initial]\nx = 0.3\npsi = 0.0\nl = 0.5\n")
     period, fade = 0.01, np.exp(-10.0 / 2.0 * 0.01)
     for seed, name in enumerate("abc"):
         key = np.random.default_rng(seed)
@@ -97,13 +108,18 @@ def prepare(folder: Path) -> None:
         np.savetxt(folder / f"{name}.csv", rows, "%.8f", ",", header="t,u_x,x", comments="")
 
 
+def words_of(name: str, out: str) -> list[str]:
+    """The command line of a command that writes into a folder."""
+    return [word.replace("OUT", out) for word in (COMMANDS | OTHERS)[name]]
+
+
 def run(folder: Path, name: str, out: str, until: float | None = None) -> float:
     """Seconds that a command took, or after which it was killed.
 
     Raises:
         RuntimeError: it failed, and was not killed.
     """
-    words = [out if word == "OUT" else word for word in COMMANDS[name]]
+    words = words_of(name, out)
     begun = time.monotonic()
     process = subprocess.Popen(
         [sys.executable, "-m", "jbridge", *words], cwd=folder, start_new_session=True,

@@ -80,7 +80,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "check, 10 min at 1 kHz": ["check", model, long],
         "fit, 10 min at 1 kHz": ["fit", model, long, *out],
         "simulate, 10 min at 1 kHz": ["simulate", model, "--input", long, "--out", str(folder / "simulated-long.csv")],
-        "diagnose, 10 min at 1 kHz": ["diagnose", model, long, *out],
+        "diagnose, 10 min at 1 kHz, a search of 60 s": ["diagnose", model, long, "--budget", "60", *out],
     }
 
 
@@ -139,7 +139,7 @@ def table(rows: dict[str, dict[str, float]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", help="commands, such as fit (default: all)")
+    parser.add_argument("names", nargs="*", help="beginnings of rows, such as fit (default: all)")
     parser.add_argument("--figures", action="store_true", help="only redraw")
     arguments = parser.parse_args()
     kept = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
@@ -148,7 +148,7 @@ def main() -> None:
             folder = Path(name)
             prepare(folder)
             for label, words in commands(folder).items():
-                if arguments.names and label.split(",")[0] not in arguments.names:
+                if arguments.names and not label.startswith(tuple(arguments.names)):
                     continue
                 row = measured(words)
                 print(f"{label}: {row['gigabytes']} GB, {row['seconds']} s, status {row['status']}", flush=True)

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,9 @@ def replacing(target: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _beside(target: Path) -> Iterator[Path]:
-    """Yields a path in the folder of `target` that no other process uses; what is there at the end is removed."""
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    """Yields a path in the folder of `target` that nobody else uses, in whatever process or container; what is there at
+    the end is removed."""
+    part = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
     try:
         yield part
     except OSError as error:

@@ -21,8 +21,8 @@ COMMANDS = {
     "simulate": simulate, "check": check, "fit": fit, "diagnose": diagnose, "control": control, "tune": tune,
     "export": export, "sweep": sweep, "figures": figures, "demo": demo,
 }  # fmt: skip
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-"""What the system says where a disk, or the share of it that one may use, is full."""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where a disk, or the share of it or the size of a file that one may use, is full."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

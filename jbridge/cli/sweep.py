@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-from pathlib import Path
 
 import jbridge
 from jbridge import InputError
@@ -34,9 +33,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace, console: Console) -> None:
-    question_folder = Path(arguments.out)
-    if question_folder.exists() and not question_folder.is_dir():
-        raise InputError(f"{arguments.out}: a file, where the folder for the results belongs; choose another --out")
+    jbridge.check_output(arguments.out, folder=True)
     console("reading")
     jbridge.set_up(arguments.cache, gpu=arguments.gpu)
     if arguments.gpu:

@@ -2,7 +2,9 @@
 
 import contextlib
 import ctypes
+import hashlib
 import os
+import platform
 import sys
 import warnings
 from pathlib import Path
@@ -48,15 +50,30 @@ def set_up(cache: bool = True, *, gpu: bool = False) -> None:
     if not cache:
         return
     try:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge" / "jax"
+        own = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jbridge"
+        folder = own / "jax" / _processor()
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # no home, or one that is read-only
         return
     with contextlib.suppress(OSError):
-        keep_in(folder.parent / "programs")
+        keep_in(own / "programs")
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
+
+
+_INSTRUCTIONS = Path("/proc/cpuinfo")
+"""Where Linux lists the instructions that its processor has."""
+
+
+def _processor() -> str:
+    """A name for the instructions that this processor has: machines that share a home folder keep compiled programs
+    apart, since one that was compiled for another processor may end the process."""
+    text = platform.machine()
+    with contextlib.suppress(OSError):
+        lines = _INSTRUCTIONS.read_text(encoding="utf-8", errors="replace").splitlines()
+        text += next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8

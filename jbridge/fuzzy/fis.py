@@ -33,7 +33,7 @@ _SET = re.compile(_QUOTED + r"\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]" + _COMMENT)
 _PLAIN_NAME = re.compile(r"(['\"])(.*)\1")
 _PLAIN_SET = re.compile(r"'(.*?)'\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]" + _COMMENT)
 _RULE = re.compile(r"([-\d\s.]+),([-\d\s.]+)\(([^)]*)\)\s*:\s*([0-9]+)")
-_VARIABLE = re.compile(r"(input|output)([0-9]+)")
+_VARIABLE = re.compile(r"(?:input|output)[0-9]+")
 _AND, _OR = ("min", "prod"), ("max", "probor")
 _IMPLICATION, _AGGREGATION = ("min", "prod"), ("max", "sum", "probor")
 
@@ -133,12 +133,11 @@ class _Reader:
     def count(self, key: str, role: str) -> int:
         """How many inputs or outputs there are: what [System] says, and as many sections."""
         line, wanted = self.whole("system", key)
-        numbers = {int(found[2]) for found in map(_VARIABLE.fullmatch, self.sections) if found and found[1] == role}
-        beyond = sorted(number for number in numbers if not 1 <= number <= wanted)
-        if beyond:
-            self.complain(
-                line, f"{key} is {wanted}, but there is a section [{role.capitalize()}{beyond[0]}]; correct either"
-            )
+        # By name: the number in a name may be longer than an integer that Python reads, and `[Input01]` is not read.
+        known = {f"{role}{number}" for number in range(1, wanted + 1)}
+        for name in self.sections:
+            if _VARIABLE.fullmatch(name) and name.startswith(role) and name not in known:
+                self.complain(line, f"{key} is {wanted}, but there is a section [{name.capitalize()}]; correct either")
         return wanted
 
     def numbers(self, line: int, text: str) -> list[float]:

@@ -29,6 +29,8 @@ _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
 _FAINT = 1e-12
 """Guard of divisions."""
+_ABREAST = 64
+"""Windows whose products are in memory at a time before initial states are eliminated: ten minutes have thousands."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,16 +207,18 @@ def normal_equations(
         for row, column in enumerate(found.columns):
             np.multiply(column, scale, out=table[:, row if row < n else row + 1])
         table[:, n] = residual(data, k, found.predicted).T
-        own = slice(first, first + tiling.windows)
-        products = _products(table, tiling.begins, tiling.stops)
         away = point.states[k] - tiling.states
-        shift, back = _eliminated(products, weights[i][own], away, tiling.precision, n)
-        normal.shift[own], normal.back[own] = shift, back
-        # Parameters and residual, with what the initial states make of either.
-        follow = np.zeros((tiling.windows, n + 1 + STATES, n + 1))
-        follow[:, np.arange(n + 1), np.arange(n + 1)] = 1.0
-        follow[:, n + 1 :, :n], follow[:, n + 1 :, n] = back, shift
-        normal.products[own] = np.swapaxes(follow, 1, 2)[:, None] @ products @ follow[:, None]
+        for start in range(0, tiling.windows, _ABREAST):
+            some = slice(start, min(start + _ABREAST, tiling.windows))
+            own = slice(first + some.start, first + some.stop)
+            products = _products(table, tiling.begins[some], tiling.stops[some])
+            shift, back = _eliminated(products, weights[i][own], away[some], tiling.precision[some], n)
+            normal.shift[own], normal.back[own] = shift, back
+            # Parameters and residual, with what the initial states make of either.
+            follow = np.zeros((len(shift), n + 1 + STATES, n + 1))
+            follow[:, np.arange(n + 1), np.arange(n + 1)] = 1.0
+            follow[:, n + 1 :, :n], follow[:, n + 1 :, n] = back, shift
+            normal.products[own] = np.swapaxes(follow, 1, 2)[:, None] @ products @ follow[:, None]
 
     engine.sensitivities(jobs, take)
     return out

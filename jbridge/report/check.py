@@ -10,7 +10,7 @@ from ..identification.data.noise import noise_floor
 from ..identification.identifiability import Identifiability
 from ..recordings import Inspection, Recording
 from .figures.recordings import draw_recordings
-from .files import PathLike, make_folder, write_bytes, write_text
+from .files import PathLike, alone_in_folder, write_bytes, write_text
 from .text.html import element, page, section, show_all, tag
 from .text.quantities import digits, join_unit, percent, scale_for
 from .text.rows import error_text
@@ -51,6 +51,7 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
     return "\n".join(lines) + "\n"
 
 
+@alone_in_folder
 def save_check(folder: PathLike, inspections: Sequence[Inspection], text: str) -> Path:
     """Writes check.png (and check-2.png, ... for many recordings) and check.html; each file is replaced at once.
 
@@ -66,7 +67,6 @@ def save_check(folder: PathLike, inspections: Sequence[Inspection], text: str) -
         InputError: if a file cannot be written.
     """
     target = Path(folder)
-    make_folder(target)
     pictures = draw_recordings("check", [each.recording for each in inspections if each.recording is not None])
     for picture in pictures:
         write_bytes(target / f"{picture.name}.png", picture.png)

@@ -1,13 +1,17 @@
 """Where results go: folders are checked before the long computation, and files appear whole or not at all."""
 
+import contextlib
+import functools
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 from .._files import replacing
 from ..errors import InputError
 
 PathLike = str | os.PathLike[str]
+Save = TypeVar("Save", bound=Callable[..., Any])
 
 
 def check_output(path: PathLike, *, folder: bool, inputs: Iterable[PathLike] = ()) -> None:
@@ -57,6 +61,34 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
+
+
+def alone_in_folder(save: Save) -> Save:
+    """For a function that writes the files of one result into a folder, its first argument, which is made if need be.
+
+    Two processes that write into one folder do so one after the other: what lies there in the end is of one result.
+    """
+
+    @functools.wraps(save)
+    def alone(folder: PathLike, *args: Any, **kwargs: Any) -> Any:
+        make_folder(Path(folder))
+        with _locked(Path(folder)):
+            return save(folder, *args, **kwargs)
+
+    return cast(Save, alone)
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Holds a lock on a folder, which ends with this process; neither Windows nor every network share has one."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            descriptor = os.open(folder, os.O_RDONLY)
+            stack.callback(os.close, descriptor)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
 
 
 def _check_kind(target: Path, folder: bool) -> None:

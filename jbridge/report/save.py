@@ -11,12 +11,13 @@ from ..recordings import save_csv
 from .as_json import INPUT_FILE, fit_json, report_json
 from .diagnosis.page import diagnosis_page
 from .figures.gallery import OWN_NAME, Gallery, diagnosis_gallery, fit_gallery
-from .files import PathLike, make_folder, write_bytes, write_text
+from .files import PathLike, alone_in_folder, write_bytes, write_text
 from .fit_page import fit_page
 
 FIGURES = "figures"
 
 
+@alone_in_folder
 def save_report(folder: PathLike, diagnosis: Diagnosis) -> Path:
     """Writes report.json, model.toml, next_experiment.csv (if there is one), figures/*.png and report.html.
 
@@ -30,7 +31,6 @@ def save_report(folder: PathLike, diagnosis: Diagnosis) -> Path:
         InputError: if a file cannot be written.
     """
     target = Path(folder)
-    make_folder(target)
     write_text(target / "report.json", report_json(diagnosis))
     save_model(target / "model.toml", diagnosis.model)
     experiment = diagnosis.next_experiment
@@ -44,6 +44,7 @@ def save_report(folder: PathLike, diagnosis: Diagnosis) -> Path:
     return target / "report.html"
 
 
+@alone_in_folder
 def save_fit(folder: PathLike, fit: Fit) -> Path:
     """Writes fit.json, model.toml, figures/*.png and fit.html, as `save_report` does.
 
@@ -54,7 +55,6 @@ def save_fit(folder: PathLike, fit: Fit) -> Path:
         InputError: if a file cannot be written.
     """
     target = Path(folder)
-    make_folder(target)
     write_text(target / "fit.json", fit_json(fit))
     save_model(target / "model.toml", fit.model)
     gallery = fit_gallery(fit)

@@ -163,6 +163,8 @@ def test_a_sugeno_output_may_have_equal_ends(tmp_path):
         (TIPPER, ("NumRules=3", "NumRules=4"), "line 7: NumRules is 4, but .Rules. has 3 rules"),
         (TIPPER, ("NumInputs=2", "NumInputs=1"), r"line 5: numinputs is 1, but there is a section \[Input2\]"),
         (TIPPER, ("NumInputs=2", "NumInputs=3"), r"\[Input3\] has no name"),
+        (TIPPER, ("[Rules]", "[Input01]\nName='x'\n[Rules]"), r"numinputs is 2, but there is a section \[Input01\]"),
+        (TIPPER, ("[Rules]", f"[Output1{5000 * '0'}]\n[Rules]"), r"there is a section \[Output1000"),
         (TIPPER, ("NumOutputs=1", "NumOutputs=²"), "where the number of those in the file belongs"),
         (TIPPER, ("NumMFs=3", "NumMFs=2"), "NumMFs is 2, but there is an MF3"),
         (TIPPER, ("[1.5 0]", "[1.5 NaN]"), "'poor' has a number that is NaN"),
@@ -170,6 +172,8 @@ def test_a_sugeno_output_may_have_equal_ends(tmp_path):
         (TIPPER, ("[1.5 0]", "[1.5 0 1]"), "'poor' has 3 numbers; it needs width, centre"),
         (TIPPER, ("Range=[0 30]", "Range=[30 30]"), "both ends of the range are 30"),
         (SUGENO, ("2, 2 (1) : 1", "2, -2 (1) : 1"), "cannot be negated"),
+        (SUGENO, ("2, 2 (1) : 1", "0, 2 (1) : 1"), "the rule names no input or no output"),
+        (SUGENO, ("2, 2 (1) : 1", "2, 0 (1) : 1"), "the rule names no input or no output"),
         (SUGENO, ("[2 1]", "[1]"), "linear needs 2 finite numbers"),
     ],
 )
@@ -226,6 +230,8 @@ def test_what_a_fis_file_cannot_hold_is_not_written(tmp_path):
     ):
         with pytest.raises(InputError, match=complaint):
             save_fis(tmp_path / "none.fis", broken)
+    with pytest.raises(TypeError, match="a Mamdani or a Sugeno system, not a Prepared"):
+        save_fis(tmp_path / "none.fis", system.ready())
     assert not (tmp_path / "none.fis").exists()
 
 

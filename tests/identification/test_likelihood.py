@@ -27,11 +27,33 @@ def test_effective_number_of_an_autoregressive_process(data, pole):
     # Between the numbers of which a mean and a mean square are as uncertain, for an infinitely long one.
     low, high = ((1 - p) / (1 + p) for p in (pole, pole**2))
     assert 0.9 * low < found.total / 6000 < 1.1 * high
+    # A window has its share of them, and one at least.
+    windows = np.maximum(index(data).count[:, 0] * found.total / 6000, 1.0)
+    np.testing.assert_allclose(found.within[:, 0], windows, rtol=1e-9)
 
 
-def test_weights_are_the_gradient(data):
+def thinned(data):
+    """The same with a single reading in the first window of the longest horizon."""
+    measured = data.measured.copy()
+    measured[0, 1 : max(tiling.stops[0] for tiling in data.tilings)] = False
+    return dataclasses.replace(data, measured=measured)
+
+
+def test_what_moves_in_a_window_is_the_variance_of_its_readings(data):
+    windows = index(thinned(data))
+    for w, (begin, stop) in enumerate(zip(windows.begin, windows.stop, strict=True)):
+        seen = thinned(data).measured[0, begin:stop, 0]
+        readings = data.y[0, begin:stop, 0][seen] / data.noise[0, 0]
+        assert windows.count[w, 0] == len(readings)
+        assert windows.signal[w, 0] == pytest.approx(np.var(readings) if len(readings) else 0.0, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("change", [lambda data: data, thinned], ids=["all", "few"])
+@pytest.mark.parametrize("left", [np.ones, np.random.default_rng(4).standard_normal], ids=["smooth", "white"])
+def test_weights_are_the_gradient(data, left, change):
+    data = change(data)
     windows = index(data)
-    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
+    found = likelihood(data, windows, [left((data.samples, 3))] * len(data.tilings))
     square = np.random.default_rng(1).uniform(0.5, 1e4, windows.count.shape)
     weights = found.weights(square)
     for w in (0, 5, len(square) - 1):
@@ -62,6 +84,9 @@ def test_a_scale_is_where_windows_above_and_below_balance(data):
         assert len(np.unique(scale[own])) == 1
         above = np.average(variance[own] / (scale[own] + variance[own]), weights=windows.motion[own, 0])
         assert above == pytest.approx(0.5, abs=1e-6)
+    # What all windows together count says nothing of where they balance.
+    more = dataclasses.replace(found, share=1e4 * found.share)
+    np.testing.assert_allclose(more.scale(square), found.scale(square), rtol=1e-9)
 
 
 def test_half_the_error_gains_as_much_at_any_size(data):

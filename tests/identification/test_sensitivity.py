@@ -1,13 +1,17 @@
 """Windows simulated through a recording against rollouts of their own, and tangents against central differences."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jbridge.identification import solver
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
+from jbridge.identification.sensitivity import engine as module
 from jbridge.identification.sensitivity.engine import Job
-from jbridge.identification.sensitivity.windowed_rollout import BLOCK
+from jbridge.identification.sensitivity.windowed_rollout import BLOCK, predicted_with_tangents
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from jbridge.simulation.rollout import MIDPOINT
@@ -161,6 +165,44 @@ def test_what_is_absent_may_stand_in_the_program():
         assert np.allclose(found[one].tangents, found[other].tangents, rtol=1e-6, atol=1e-9)
     # More columns than a call takes, in another order.
     assert np.allclose(found["turned"].tangents[len(both) - 1 :: -1], found["drag"].tangents[: len(both)], atol=1e-12)
+
+
+def test_long_recordings_are_taken_one_by_one(monkeypatch):
+    """All of its columns, before those of the next: other calls, the same tangents, in memory for one recording."""
+    problem, _, start, _ = problem_of(DRY, (0.3, WHOLE))
+    engine = engine_for(problem.setting, problem.data, DRY, width=4)
+    jobs = [Job(start.vector, t.recording, t.begins, t.states, start.free) for t in problem.data.tilings]
+    assert len(start.free) > engine.width and len(jobs) == 4
+    found, calls = {}, []
+
+    def counted(table, lanes, *more):
+        calls.append(len(lanes.vectors))
+        return predicted_with_tangents(table, lanes, *more)
+
+    for room in (module._CALL, 1):
+        monkeypatch.setattr(module, "_CALL", room)
+        told = found.setdefault(room, {})
+        monkeypatch.setattr(module, "predicted_with_tangents", counted)
+        engine.sensitivities(jobs, told.__setitem__)
+    parts = -(-len(start.free) // engine.width)
+    assert calls.count(1) == 4 * parts and max(calls) > 1
+    few, many = found[1], found[2**24]
+    assert list(few) == [0, 1, 2, 3]
+    for number, one in few.items():
+        np.testing.assert_allclose(one.predicted, many[number].predicted, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one.tangents, many[number].tangents, rtol=1e-9, atol=1e-12)
+
+
+def test_windows_are_taken_some_at_a_time(monkeypatch):
+    """Each has products of its own, so nothing depends on how many are taken together."""
+    problem, engine, start, _ = problem_of(DRY, (0.3, WHOLE))
+    points = problem.evaluate(engine, [start])
+    [together] = problem.normal(engine, points)
+    monkeypatch.setattr(solver, "_ABREAST", 3)
+    [apart] = problem.normal(engine, points)
+    assert max(tiling.windows for tiling in problem.data.tilings) > 3 and np.any(together.back)
+    for one, other in zip(dataclasses.astuple(together), dataclasses.astuple(apart), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_simulation_that_runs_away_is_far_off_and_finite():

@@ -103,3 +103,35 @@ def test_what_is_not_determined_is_said():
     narrow = np.diag([1e-4, 1e-4, 1e-20])
     (said,) = warnings(TABLE, at_bound, free, narrow)
     assert said == "The level of the Coulomb friction at the cart ended at its bound of 0 N."
+
+
+def test_numbers_that_are_tied_are_said_with_what_would_part_them():
+    """A factor in common is told where no force is of known size: all numbers uncertain, a mass among them."""
+    heavy, light = places("cart_mass", "cart_damping", "cart_gain"), places("cart_damping", "cart_gain")
+    for free, width, begin in (
+        (heavy, 10.0, "The recordings hardly determine a factor that cart mass, cart damping and cart gain have in"),
+        (heavy, 0.1, "The recordings hardly tell cart mass, cart damping and cart gain apart"),
+        (light, 10.0, "The recordings hardly tell cart damping and cart gain apart"),
+    ):
+        std = width * VECTOR[free]
+        (said,) = warnings(TABLE, VECTOR, free, np.outer(std, std))
+        assert said.startswith(begin)
+
+
+def test_values_of_a_map_are_counted():
+    """They are no numbers to be read one by one: what is said of them is said once."""
+    free = places("position_dependent_friction@cart.levels", "cart_gain")
+    cov = np.diag([25.0, 1e-6, 25.0, 1e-4])
+    cov[0, 2] = cov[2, 0] = 0.999 * 25.0
+    said = warnings(TABLE, VECTOR, free, cov)
+    wanted = "The recordings hardly determine 2 of the 3 values of the levels of the"
+    assert len(said) == 1 and said[0].startswith(wanted) and said[0].endswith("trust their shape, not their level.")
+
+
+@pytest.mark.parametrize("value", [0.0, 0.9])
+def test_a_number_at_either_bound_is_said(value):
+    plant = make_plant(("load_dependent_friction", "cart", {"level": 1.0, "share": value}))
+    table = ParameterTable(plant)
+    free = np.array(table.positions("load_dependent_friction@cart.share"))
+    (said,) = warnings(table, np.array(table.ravel(plant)), free, np.array([[1e-20]]))
+    assert said.endswith(f"ended at its bound of {value:g} N/N.")

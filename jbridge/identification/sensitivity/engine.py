@@ -33,6 +33,9 @@ _DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
 """Changes by which derivatives are taken as differences, over a number and at least."""
 _ROOM = 2**21
 """Readings that wait in memory for their differences to be taken, about."""
+_CALL = 2**24
+"""Numbers that a call gives at most, about, unless one simulation alone has more: tangents of a recording of ten
+minutes take 100 MB, and several calls wait in memory."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 
 
@@ -148,8 +151,11 @@ class Engine:
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), width)
             parts += [(i, job.free[a : a + width]) for a in edges]
-        # Those with the same columns side by side, since a call computes the effects of all of its parts.
-        parts.sort(key=lambda part: part[1].tolist())
+        room = _CALL // ((width + len(self._moving)) * 3 * self.samples)
+        lanes = max(1, min(self.lanes, _TANGENT_LANES, room))
+        if lanes > 1:
+            # Those with the same columns side by side, since a call computes the effects of all of its parts.
+            parts.sort(key=lambda part: part[1].tolist())
         none = np.zeros((3, self.samples))
         columns = [[none] * (len(job.free) + STATES) for job in jobs]
         missing = [max(len(job.free), 1) for job in jobs]
@@ -166,7 +172,7 @@ class Engine:
                 take(i, Sensitivity(predicted, tuple(columns[i])))
                 columns[i] = []
 
-        self._run(jobs, parts, width, min(self.lanes, _TANGENT_LANES), keep)
+        self._run(jobs, parts, width, lanes, keep)
 
     def _differences(self, jobs: Sequence[Job]) -> list[Sensitivity]:
         """Predictions of jobs, and what they change by with each number."""

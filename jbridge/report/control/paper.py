@@ -21,7 +21,7 @@ from ..figures.control.paper import (
     draw_validation,
 )
 from ..figures.style import Picture
-from ..files import PathLike, make_folder, write_bytes, write_text
+from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.words import effect_name
 
 TABLE = "paper-table.md"
@@ -41,7 +41,6 @@ def save_paper(folder: PathLike, data: PathLike) -> tuple[Path, ...]:
     Raises:
         InputError: the data are not there, or a file cannot be written.
     """
-    target = Path(folder)
     try:
         saved = read_json(Path(data))
     except FileNotFoundError:
@@ -54,8 +53,12 @@ def save_paper(folder: PathLike, data: PathLike) -> tuple[Path, ...]:
     missing = [key for key in _SOUGHT if key not in saved]
     if missing:
         raise InputError(f"{data}: has no {', '.join(missing)}; run python experiments/paper/run.py to its end")
-    make_folder(target)
-    pictures = paper_pictures(saved)
+    return _save(folder, saved)
+
+
+@alone_in_folder
+def _save(folder: PathLike, saved: Mapping[str, Any]) -> tuple[Path, ...]:
+    target, pictures = Path(folder), paper_pictures(saved)
     for drawn in pictures:
         write_bytes(target / f"{drawn.name}.png", drawn.png)
     write_text(target / TABLE, paper_tables(saved))

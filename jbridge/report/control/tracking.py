@@ -19,7 +19,7 @@ from ...simulation.tracking import Tracking
 from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
 from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
 from ..figures.style import Picture
-from ..files import PathLike, make_folder, write_bytes, write_text
+from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import bullets, element, page, section, show_all, table, tag
 from ..text.quantities import digits
 
@@ -32,6 +32,7 @@ _EXPLAINED = (
 )
 
 
+@alone_in_folder
 def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) -> Path:
     """Writes run.csv (the run as a recording), controller.toml, control.json, figures/*.png and control.html.
 
@@ -47,7 +48,6 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
         InputError: if a file cannot be written.
     """
     target = Path(folder)
-    make_folder(target)
     save_csv(target / RUN, tracking.columns)
     save_controller(target / "controller.toml", controller)
     moves = [dataclasses.asdict(move) for move in tracking.moves]

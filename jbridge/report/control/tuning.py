@@ -18,7 +18,7 @@ from ...tuning.tune import Tuning
 from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
 from ..figures.control.tracking import draw_positions
 from ..figures.style import Picture
-from ..files import PathLike, make_folder, write_bytes, write_text
+from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import bullets, element, page, section, show_all, table, tag
 from ..text.quantities import digits
 
@@ -51,6 +51,7 @@ _EXPLAINED = (
 )
 
 
+@alone_in_folder
 def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     """Writes controller.toml (tuned), controller.h (the same in C), tune.json, figures/*.png and tune.html.
 
@@ -60,7 +61,6 @@ def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
         InputError: if a file cannot be written.
     """
     target = Path(folder)
-    make_folder(target)
     if has_file(tuning.controller.law):
         save_controller(target / "controller.toml", tuning.controller)
         if tuning.controller.shaping is None:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from jbridge.model.dry_friction import Rows, friction
 from jbridge.model.effects.catalogue import make_effect
 from jbridge.simulation.rollout import MIDPOINT, RK4
 from tests.model.stick_slip import StickSlip
@@ -44,6 +45,15 @@ def cart(
     lane = make_lane(u, active=CART_ALONE, start=start)
     places, rates = paths(simulate(plant, make_state(0.0, rates=(v, 0.0, 0.0)), lane, substeps=substeps))
     return np.stack([places[:, 0], rates[:, 0]], axis=1)
+
+
+def test_axes_without_friction_have_none():
+    """Whatever their levels say; the others resist what moves them."""
+    one, zero = jnp.asarray(1.0), jnp.asarray(0.0)
+    inverse_masses = [[one if i == j else zero for j in range(3)] for i in range(3)]
+    rows = Rows([one, one, -one], inverse_masses, [one, one, -one], [2.0 * one] * 3, [3.0 * one] * 3)
+    found = friction(rows, [True, False, True], jnp.asarray(0.01), jnp.asarray(True))
+    np.testing.assert_allclose(np.array(found), [-2.0, 0.0, 3.0])
 
 
 @pytest.mark.parametrize("method", [RK4, MIDPOINT], ids=["RK4", "MIDPOINT"])
