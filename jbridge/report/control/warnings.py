@@ -66,7 +66,7 @@ def as_sentences(warnings: Iterable[str]) -> list[str]:
 def _beyond_recordings(
     what: str, reached: Mapping[str, tuple[float, float]], recorded: Mapping[str, tuple[float, float]]
 ) -> list[str]:
-    """Sentences on positions and rope lengths outside of the recordings; none if the model does not say what they cover.
+    """Sentences on positions and rope lengths outside of the recordings; none where the model does not say.
 
     Args:
         what: subject and verb of the sentence.
