@@ -5,6 +5,8 @@ do, and `NAME_self_test`, which lets the controller run over samples whose comma
 defines `NAME_REAL` as `float` before it includes the header to compute in single precision.
 """
 
+import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -19,9 +21,11 @@ from ..control.compensation import LIMITS, Compensation
 from ..control.files import Controller
 from ..control.fuzzy import FuzzyController
 from ..control.linear import Pid, StateFeedback
+from ..control.shaping import Shaping
 from ..errors import InputError
 from ..fuzzy.inference import AbstractSystem
 from ..fuzzy.rules import Variable
+from ..trajectory import Path
 from .c_fuzzy import HELPERS, system_source
 from .header import SelfTest, constant, header
 
@@ -44,21 +48,27 @@ def controller_header(controller: Controller, name: str) -> str:
     write = _LAWS.get(type(controller.law))
     if write is None:
         raise InputError(f"a {type(controller.law).__name__} has no form in C; export a fuzzy, PID or LQR controller")
-    if controller.shaping is not None:
-        raise InputError(
-            f"{controller.source or 'the controller'}: shapes its reference, which the header does not; shape the "
-            "reference where it is made, and take [shaping] out of the file"
-        )
     functions, step, sums = write(controller.law, controller.period)
     law: Any = controller.law
     share = controller.period / (controller.period + float(law.differences.time_constant))
-    text = HELPERS + functions + _START.replace("SUMS", _SUMS_START if sums else "")
-    text += _STEP.replace("SHARE", constant(share)).replace("PERIOD", constant(controller.period)).replace("LAW", step)
+    taps = [] if controller.shaping is None else _taps(controller.shaping, controller.period)
+    past = _PAST.replace("ROWS", str(taps[-1][0] + 1)) if taps else ""
+    text = HELPERS + functions + _START.replace("SUMS", (_SUMS_START if sums else "") + (_PAST_START if taps else ""))
+    if taps:
+        text += _shape(taps)
+    text += (
+        _STEP.replace("GIVEN", "wanted" if taps else "reference")
+        .replace("SHAPED", "    P_real reference[4];\n" if taps else "")
+        .replace("PREPARE", "    P_shape(state, wanted, reference);\n" if taps else "")
+        .replace("SHARE", constant(share))
+        .replace("PERIOD", constant(controller.period))
+        .replace("LAW", step)
+    )
     return header(
         name,
         about=_ABOUT,
         period=controller.period,
-        members=_MEMBERS + (_SUMS if sums else ""),
+        members=_MEMBERS + (_SUMS if sums else "") + past,
         functions=text,
         test=_self_test(controller),
     )
@@ -77,6 +87,10 @@ _MEMBERS = """\
     P_real last[3];
     P_real speed[3];"""
 _SUMS = "\n    P_real sums[2];"
+_PAST = """
+    /* References of the cart, position and speed, from the newest at `newest` on backwards in time. */
+    P_real past[ROWS][2];
+    int newest, begun;"""
 _START = """
 static inline void P_start(P_state *state, const P_real measured[3]) {
     int k;
@@ -87,20 +101,71 @@ static inline void P_start(P_state *state, const P_real measured[3]) {
 SUMS}
 """
 _SUMS_START = "    state->sums[0] = state->sums[1] = 0;\n"
-_STEP = """
-static inline void P_step(P_state *state, const P_real measured[3], const P_real reference[4], P_real command[2]) {
-    P_real *speed = state->speed;
+_PAST_START = "    state->newest = state->begun = 0;\n"
+_SHAPE = """
+/* Splits changes of the cart's reference into impulses whose swings cancel. */
+static inline void P_shape(P_state *state, const P_real wanted[4], P_real reference[4]) {
+    static const int late[TAPS] = {LATE};
+    static const P_real weight[TAPS] = {WEIGHT};
     int k;
+    /* What was wanted before the first sample is what is wanted then. */
+    for (k = state->begun ? ROWS - 1 : 0; k < ROWS; ++k) {
+        state->newest = (state->newest + ROWS - 1) % ROWS;
+        state->past[state->newest][0] = wanted[0];
+        state->past[state->newest][1] = wanted[2];
+    }
+    state->begun = 1;
+    reference[0] = reference[2] = 0;
+    reference[1] = wanted[1];
+    reference[3] = wanted[3];
+    for (k = 0; k < TAPS; ++k) {
+        const P_real *then = state->past[(state->newest + late[k]) % ROWS];
+        reference[0] += weight[k] * then[0];
+        reference[2] += weight[k] * then[1];
+    }
+}
+"""
+_STEP = """
+static inline void P_step(P_state *state, const P_real measured[3], const P_real GIVEN[4], P_real command[2]) {
+    P_real *speed = state->speed;
+SHAPED    int k;
     for (k = 0; k < 3; ++k) {
         speed[k] += SHARE * ((measured[k] - state->last[k]) / PERIOD - speed[k]);
         state->last[k] = measured[k];
     }
-LAW}
+PREPARELAW}
 """
 
 
+def _taps(shaping: Shaping, period: float) -> list[tuple[int, float]]:
+    """Samples by which parts of the reference are late, in ascending order, and the parts' weights.
+
+    An impulse between two samples is split between them, as linear interpolation does.
+    """
+    found: dict[int, float] = {}
+    for weight, delay in zip(*shaping.impulses(), strict=True):
+        whole = math.floor(delay / period)
+        share = delay / period - whole
+        for late, part in ((whole, weight * (1.0 - share)), (whole + 1, weight * share)):
+            if part:
+                found[late] = found.get(late, 0.0) + float(part)
+    return sorted(found.items())
+
+
+def _shape(taps: list[tuple[int, float]]) -> str:
+    texts = {
+        "TAPS": str(len(taps)),
+        "LATE": ", ".join(str(late) for late, _ in taps),
+        "WEIGHT": ", ".join(constant(weight) for _, weight in taps),
+        "ROWS": str(taps[-1][0] + 1),
+    }
+    return functools.reduce(lambda text, item: text.replace(*item), texts.items(), _SHAPE)
+
+
 def _self_test(controller: Controller) -> SelfTest:
-    measured, reference, command = samples(controller, SAMPLES, seed=0)
+    # Long enough for a shaped reference to have come through.
+    late = 0 if controller.shaping is None else _taps(controller.shaping, controller.period)[-1][0]
+    measured, reference, command = samples(controller, SAMPLES + late, seed=0)
     return SelfTest(
         what="commands",
         begin="P_start(&state, samples[0]);",
@@ -130,7 +195,9 @@ def samples(
     measured = np.array([0.6, 0.0, 0.5]) + walk - walk.mean(axis=0)
     away = rng.choice([1e-3, 1e-2, 0.1, 1.0], (count, 1)) * rng.standard_normal((count, 2))
     reference = np.concatenate([measured[:, [0, 2]] + away, rng.uniform(-0.2, 0.2, (count, 2))], axis=1)
-    return measured, reference, np.asarray(_commands(controller.law, measured, reference, controller.period))
+    wanted = Path(controller.period * np.arange(count), *reference.T)
+    followed = np.stack(controller.follows(wanted)[1:], axis=1)[:count]
+    return measured, reference, _commands(controller.law, measured, followed, controller.period)
 
 
 def _commands(

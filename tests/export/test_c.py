@@ -16,6 +16,7 @@ from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid, StateFeedback
 from jbridge.control.paper import paper_controller
+from jbridge.control.shaping import Shaping
 from jbridge.export.c import TOLERANCES, controller_header, samples
 from jbridge.export.c_fuzzy import HELPERS, system_source
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS
@@ -81,6 +82,25 @@ def test_a_header_tests_itself(tmp_path):
     broken = compiled(tmp_path, header.replace(scale, scale.replace("0.4", "0.41")), "-DCRANE_MAIN")
     assert subprocess.run([broken], capture_output=True, check=False).returncode == 1
     assert not re.search(r"\b(malloc|calloc|realloc|free)\b", header)
+
+
+@pytest.mark.parametrize("shaping", [Shaping("zv", 4.4), Shaping("zvd", 4.4, 0.1), Shaping("zv", np.pi / 0.4)])
+def test_a_shaped_reference_is_shaped_in_c(tmp_path, shaping):
+    """Delays of 35.7 samples, of 35.9 and 71.8, and of 20 on the sample."""
+    controller = Controller(LAWS["pid"], 0.02, shaping=shaping)
+    header = controller_header(controller, "crane")
+    measured, reference, wanted = samples(controller, 2000, seed=1)
+    plain = samples(Controller(LAWS["pid"], 0.02), 2000, seed=1)[2]
+    assert np.median(np.abs(plain - wanted)[:, 0]) > 0.1
+    rows = np.concatenate([measured, reference], axis=1).tobytes()
+    # Over 40 s NumPy's interpolation rounds times to 7e-15 s, at references that jump by 50 m/s and 10 V/m.
+    for kind, tolerance in (("double", 1e-11), ("float", TOLERANCES["float"])):
+        program = compiled(tmp_path, header + LOOP.replace("P_", "crane_"), f"-DCRANE_REAL={kind}")
+        found = np.frombuffer(subprocess.run([program], input=rows, capture_output=True, check=True).stdout)
+        assert np.max(np.abs(found.reshape(-1, 2) - wanted)) <= tolerance
+        assert subprocess.run([compiled(tmp_path, header, f"-DCRANE_REAL={kind}", "-DCRANE_MAIN")]).returncode == 0
+    broken = header.replace("weight[k] * then[0]", "weight[k] * wanted[0]")
+    assert subprocess.run([compiled(tmp_path, broken, "-DCRANE_MAIN")], capture_output=True).returncode == 1
 
 
 def some_system(rng, kinds, defuzzifier, *, matlab):

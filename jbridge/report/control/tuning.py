@@ -36,8 +36,6 @@ _EXPLAINED = (
 def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     """Writes controller.toml (tuned), controller.h (the same in C), tune.json, figures/*.png and tune.html.
 
-    A controller that shapes its reference has no form in C.
-
     Raises:
         InputError: if a file cannot be written.
     """
@@ -45,8 +43,7 @@ def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     make_folder(target)
     if has_file(tuning.controller.law):
         save_controller(target / "controller.toml", tuning.controller)
-        if tuning.controller.shaping is None:
-            write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
+        write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
     told: dict[str, Any] = {
         "schema": 1,
         "cost": {name: {"before": a, "after": b} for name, (a, b) in tuning.costs.items()},
