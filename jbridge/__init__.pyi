@@ -14,6 +14,7 @@ from .control.measures import moves as moves
 from .control.paper import paper_controller as paper_controller
 from .control.reference_files import load_reference as load_reference
 from .control.reference_files import paper_path as paper_path
+from .control.shaping import Shaping as Shaping
 from .control.shaping import shaped as shaped
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.result import Diagnosis as Diagnosis
@@ -95,6 +96,7 @@ from .tuning.ensemble import scattered as scattered
 from .tuning.knobs import FuzzyKnobs as FuzzyKnobs
 from .tuning.knobs import knobs_of as knobs_of
 from .tuning.lqr import linear_model as linear_model
+from .tuning.lqr import lqg_controller as lqg_controller
 from .tuning.lqr import lqr_controller as lqr_controller
 from .tuning.objectives import usual_goal as usual_goal
 from .tuning.tune import Tuning as Tuning

@@ -14,7 +14,7 @@ from jbridge import InputError
 from jbridge.control.compensation import Compensation
 from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller
-from jbridge.control.linear import Pid, StateFeedback
+from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
 from jbridge.control.paper import paper_controller
 from jbridge.control.shaping import Shaping
 from jbridge.export.c import TOLERANCES, controller_header, samples
@@ -34,6 +34,13 @@ LAWS = {
     "paper": paper_controller(),
     "extended": extended_controller(Compensation(cart=0.3, hoist=0.8, hoist_bias=-0.5)),
     "pid": Pid(cart_i=2.0, compensation=Compensation(cart=0.3, hoist_bias=-0.5)),
+    "lqg": ObserverFeedback(
+        jnp.array([[12.0, -3.0, 1.0, 3.0, -0.5, 0.1], [0.5, 0.2, 40.0, 0.1, 0.0, 3.0]]),
+        jnp.eye(6).at[:3, 3:].set(0.02 * jnp.eye(3)).at[3:, 3:].set(0.8 * jnp.eye(3)).at[4, 1].set(-0.4),
+        jnp.array([[5e-4, 0.0], [1e-4, 0.0], [0.0, 3e-4], [0.05, 0.0], [0.02, 0.0], [0.0, 0.03]]),
+        jnp.concatenate([0.8 * jnp.eye(3), 10.0 * jnp.eye(3)]).at[4, 0].set(0.7),
+        Compensation(cart=0.3, hoist=0.8, hoist_bias=-0.5),
+    ),
     "lqr": StateFeedback(jnp.array([[9.0, -3.0, 1.0, 2.0, -0.5, 0.1], [0.5, 0.2, 40.0, 0.1, 0.0, 3.0]])),
 }
 LOOP = """
@@ -41,7 +48,7 @@ LOOP = """
 int main(void) {
     double row[7];
     P_real measured[3], reference[4], command[2];
-    P_state state;
+    static P_state state;
     int k, first = 1;
     while (fread(row, sizeof row, 1, stdin) == 1) {
         for (k = 0; k < 3; ++k) measured[k] = (P_real)row[k];
