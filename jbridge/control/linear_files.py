@@ -106,14 +106,14 @@ def read_observer(file: Where, document: Mapping[str, Any], path: Path) -> Obser
     Raises:
         InputError: naming the key and what to do.
     """
-    matrices = []
+    matrices = {}
     for key, columns in _MATRICES.items():
         rows = document.get(key)
         if not isinstance(rows, list) or [len(row) for row in rows if isinstance(row, list)] != [columns] * 6:
             file.refuse(f"{key} = {shown(rows)} is not a list of six rows of {columns} numbers each; give one")
-        matrices.append(jnp.asarray([_row(file, f"{key}[{k}]", row) for k, row in enumerate(rows)]))
+        matrices[key] = jnp.asarray([_row(file, f"{key}[{k}]", row) for k, row in enumerate(rows)])
     compensation = read_compensation(file, document.get("compensation")) or Compensation()
-    return ObserverFeedback(_read_gains(file, document), *matrices, compensation)
+    return ObserverFeedback(gains=_read_gains(file, document), compensation=compensation, **matrices)
 
 
 def observer_lines(path: Path, law: ObserverFeedback) -> tuple[list[str], list[str]]:

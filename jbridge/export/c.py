@@ -162,7 +162,7 @@ def samples(
     measured = np.array([0.6, 0.0, 0.5]) + walk - walk.mean(axis=0)
     away = rng.choice([1e-3, 1e-2, 0.1, 1.0], (count, 1)) * rng.standard_normal((count, 2))
     reference = np.concatenate([measured[:, [0, 2]] + away, rng.uniform(-0.2, 0.2, (count, 2))], axis=1)
-    wanted = Path(controller.period * np.arange(count), *reference.T)
+    wanted = Path(controller.period * np.arange(count, dtype=np.float64), *reference.T)
     followed = np.stack(controller.follows(wanted)[1:], axis=1)[:count]
     return measured, reference, _commands(controller.law, measured, followed, controller.period)
 

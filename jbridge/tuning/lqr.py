@@ -107,8 +107,10 @@ def lqg_controller(
     unforeseen, read = (np.diag(np.square(sizes)) for sizes in ((0.0, 0.0, 0.0, *_UNFORESEEN), _READ))
     p = solve_discrete_are(a.T, c.T, unforeseen, read)
     correction = p @ c.T @ np.linalg.inv(c @ p @ c.T + read)
-    matrices = (jnp.asarray(matrix) for matrix in (a, b, correction))
-    return Controller(ObserverFeedback(_regulator(a, b), *matrices, compensation or Compensation()), period)
+    law = ObserverFeedback(
+        _regulator(a, b), jnp.asarray(a), jnp.asarray(b), jnp.asarray(correction), compensation or Compensation()
+    )
+    return Controller(law, period)
 
 
 def _regulator(a: NDArray[np.float64], b: NDArray[np.float64]) -> jax.Array:
