@@ -51,7 +51,6 @@ from .recordings import load_recordings as load_recordings
 from .recordings import save_csv as save_csv
 from .report.check import describe_check as describe_check
 from .report.check import save_check as save_check
-from .report.control.comparison import save_comparison as save_comparison
 from .report.control.comparison_text import describe_rivals as describe_rivals
 from .report.control.paper import save_paper as save_paper
 from .report.control.tracking import describe_tracking as describe_tracking

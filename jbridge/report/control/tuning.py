@@ -98,10 +98,10 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
             "How many of them stay below a value; a line that ends below 100 % has moves that never settle.",
         ),
         _responses(tuning),
-        draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
+        draw_descent("descent", "The way down", tuning.history, tuning.softness),
     ]
     for axis in ("cart", "hoist"):
-        pictures += changed_pictures(axis, before, after)
+        pictures += _changed(axis, before, after)
     return tuple(pictures)
 
 
@@ -113,7 +113,7 @@ def _responses(tuning: Tuning) -> Picture:
     )
 
 
-def changed_pictures(axis: str, before: AbstractController, after: AbstractController, of: str = "") -> list[Picture]:
+def _changed(axis: str, before: AbstractController, after: AbstractController) -> list[Picture]:
     """Sets and surfaces of one axis (`cart`, `hoist`), as given and tuned; none if its system is not Mamdani's."""
     if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
         return []
@@ -123,8 +123,8 @@ def changed_pictures(axis: str, before: AbstractController, after: AbstractContr
     scales = float(getattr(before, f"{axis}_scale")), float(getattr(after, f"{axis}_scale"))
     pair = {"as given": old, "tuned": new}
     return [
-        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}{of}", old, new, scales),
-        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say{of}", pair, _SHOWN_ERROR * max(scales), scales),
+        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new, scales),
+        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", pair, _SHOWN_ERROR * max(scales), scales),
     ]
 
 
