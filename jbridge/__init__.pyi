@@ -24,8 +24,8 @@ from .export.c import controller_header as controller_header
 from .export.models import state_space as state_space
 from .export.save import save_export as save_export
 from .fuzzy.check import idle_parts as idle_parts
-from .fuzzy.fis import load_fis as load_fis
-from .fuzzy.fis import save_fis as save_fis
+from .fuzzy.files.fis_reader import load_fis as load_fis
+from .fuzzy.files.fis_writer import save_fis as save_fis
 from .identification.fit import Starts as Starts
 from .identification.fit import fit as fit
 from .identification.fit import fit_from_many as fit_from_many

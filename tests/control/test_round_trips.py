@@ -16,7 +16,7 @@ from jbridge.control.fuzzy import FuzzyController
 from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
 from jbridge.control.paper import cart_system, paper_controller
 from jbridge.control.shaping import Shaping
-from jbridge.fuzzy.fis import save_fis
+from jbridge.fuzzy.files.fis_writer import save_fis
 from jbridge.fuzzy.rules import as_number
 from tests.fuzzy.systems import any_system
 
