@@ -37,8 +37,7 @@ def table(kept: dict[str, Any]) -> str:
         "which has no delays: `jbridge fit` estimates the model, `jbridge tune` makes the controllers on it, and",
         "the rig plays them, the paper's two moves and six others, 10 s each. Settled: the load is within 1 cm of",
         "the goal, sideways and in the rope's length, until the end. Swing: largest angle over the last quarter of",
-        "the rest, by an encoder of 0.088 degrees a count. ITAE: of cart and rope together, to the reference",
-        "before any shaping.",
+        "the rest, by an encoder of 0.088 degrees a count. ITAE: of cart and rope together.",
         "Redrawn by `python experiments/tuning/from_recordings.py --figures`; do not edit.",
         "",
         f"| controller | moves settled, of {count} | settled, median [s] | swing, median (worst) [deg] |"
@@ -52,19 +51,24 @@ def table(kept: dict[str, Any]) -> str:
         "|---|---|---|---|---|",
         *(_better(name, moves, every[RIVAL]) for name, moves in every.items() if name != RIVAL),
         "",
-        f"Every move, the {RIVAL} / the {OURS}:",
+        f"![Every move: the load's distance from its goal]({NAME}.png)",
+        "",
+        "## Every move",
+        "",
+        f"The {RIVAL} / the {OURS}.",
         "",
         "| rig | move | from x, l to x, l [m] | settled [s] | swing [deg] | ITAE [m s^2] |",
         "|---|---|---|---|---|---|",
         *(row for number, rig in kept.items() for row in _moves(number, rig["moves"])),
         "",
-        f"![Every move: the load's distance from its goal]({NAME}.png)",
+        "## Fits and tuning",
         "",
         "The fit's errors on a recording that took no part, and the tuning's held-out bridges (as given / tuned):",
         "",
-        "| rig | delays [ms] | error of x, psi, l | controller | never settled | travel of u_x [V/s] | tuning [s] |",
+        "| rig | delays [ms] | error of x, psi, l | bridges, steps | moves never settled | travel of u_x [V/s] |"
+        " fit, tuning [s] |",
         "|---|---|---|---|---|---|---|",
-        *(row for number, rig in kept.items() for row in _rig(number, rig)),
+        *(_rig(number, rig) for number, rig in kept.items()),
     ]
     return "\n".join([*lines, ""])
 
@@ -114,17 +118,15 @@ def _moves(rig: str, moves: Moves) -> list[str]:
     return rows
 
 
-def _rig(number: str, rig: dict[str, Any]) -> list[str]:
+def _rig(number: str, rig: dict[str, Any]) -> str:
     delays = ", ".join(f"{1e3 * e['delay']:.3g}" for e in rig["truth"] if e["kind"] == "input_delay")
-    errors = rig["holdout"]
+    errors, before, after = rig["holdout"], rig["ensemble"]["before"], rig["ensemble"]["after"]
     error = f"{1e3 * errors['x']:.2g} mm, {np.degrees(errors['psi']):.2g} deg, {1e3 * errors['l']:.2g} mm"
-    rows = []
-    for name, found in rig["ensembles"].items():
-        before, after = found["before"], found["after"]
-        never = f"{before['never']} / {after['never']} of {after['moves']}"
-        travel = f"{before['travel']:.2g} / {after['travel']:.2g}"
-        rows.append(f"| {number} | {delays} | {error} | {name} | {never} | {travel} | {rig['seconds'][name]:.0f} |")
-    return rows
+    never = f"{before['never']} / {after['never']} of {after['moves']}"
+    seconds = ", ".join(f"{rig['seconds'][key]:.0f}" for key in ("fit", "tune"))
+    travel = f"{before['travel']:.2g} / {after['travel']:.2g}"
+    search = f"{rig['search']['bridges']}, {rig['search']['steps']}"
+    return f"| {number} | {delays} | {error} | {search} | {never} | {travel} | {seconds} |"
 
 
 def picture(kept: dict[str, Any]) -> plt.Figure:
