@@ -50,6 +50,8 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/python experiments/random_rollouts.py --figures
 	$(BIN)/python experiments/throughput/cost.py --figures
 	$(BIN)/python experiments/tuning/run.py --figures
+	$(BIN)/python experiments/tuning/from_recordings.py --figures
+	$(BIN)/python experiments/export_cost.py --figures
 	$(BIN)/python docs/tables.py
 
 docs: $(INSTALLED) ## Build the documentation's site into out/site

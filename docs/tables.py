@@ -9,8 +9,8 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("docs/results.md",)
-FIRST_ONLY = {"concealed-table"}
+PAGES = ("docs/results.md", "docs/export.md")
+FIRST_ONLY = {"concealed-table", "tuning-from-recordings"}
 """Tables of several sections of which a page shows the first."""
 
 

@@ -14,6 +14,7 @@ from .control.measures import moves as moves
 from .control.paper import paper_controller as paper_controller
 from .control.reference_files import load_reference as load_reference
 from .control.reference_files import paper_path as paper_path
+from .control.shaping import Shaping as Shaping
 from .control.shaping import shaped as shaped
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.result import Diagnosis as Diagnosis
@@ -23,8 +24,8 @@ from .export.c import controller_header as controller_header
 from .export.models import state_space as state_space
 from .export.save import save_export as save_export
 from .fuzzy.check import idle_parts as idle_parts
-from .fuzzy.fis import load_fis as load_fis
-from .fuzzy.fis import save_fis as save_fis
+from .fuzzy.files.fis_reader import load_fis as load_fis
+from .fuzzy.files.fis_writer import save_fis as save_fis
 from .identification.fit import Starts as Starts
 from .identification.fit import fit as fit
 from .identification.fit import fit_from_many as fit_from_many
@@ -50,7 +51,6 @@ from .recordings import load_recordings as load_recordings
 from .recordings import save_csv as save_csv
 from .report.check import describe_check as describe_check
 from .report.check import save_check as save_check
-from .report.control.comparison import save_comparison as save_comparison
 from .report.control.comparison_text import describe_rivals as describe_rivals
 from .report.control.paper import save_paper as save_paper
 from .report.control.tracking import describe_tracking as describe_tracking
@@ -95,6 +95,7 @@ from .tuning.ensemble import scattered as scattered
 from .tuning.knobs import FuzzyKnobs as FuzzyKnobs
 from .tuning.knobs import knobs_of as knobs_of
 from .tuning.lqr import linear_model as linear_model
+from .tuning.lqr import lqg_controller as lqg_controller
 from .tuning.lqr import lqr_controller as lqr_controller
 from .tuning.objectives import usual_goal as usual_goal
 from .tuning.tune import Tuning as Tuning

@@ -46,7 +46,7 @@ def test_pictures_are_drawn(run):
     before, after = paper_controller().cart, extended_controller().cart
     pictures += (
         fuzzy.draw_changed_sets("sets", "Sets", before, after, (3.0, 1.0)),
-        fuzzy.draw_descent("descent", "Cost", [("tuned", np.linspace(3.0, 1.0, 9))], np.geomspace(0.3, 0.03, 9)),
+        fuzzy.draw_descent("descent", "Cost", np.linspace(3.0, 1.0, 9), np.geomspace(0.3, 0.03, 9)),
         fuzzy.draw_ensemble("ensemble", "Spread", {"a": {"s": np.array([[1.0, np.nan]])}}, {"s": ("settled [s]", 1.0)}),
     )
     assert all(p.png.startswith(b"\x89PNG") and len(p.png) > 5000 for p in pictures)

@@ -13,7 +13,8 @@ import jbridge
 from jbridge import InputError
 from jbridge._toml import as_key, as_value
 from jbridge.control.paper import paper_controller
-from jbridge.fuzzy.fis import load_fis, save_fis
+from jbridge.fuzzy.files.fis_reader import load_fis
+from jbridge.fuzzy.files.fis_writer import save_fis
 
 # Examples follow from the tests' own names, so that every run has the same; files are replaced from one to the next.
 FIXED = settings(

@@ -67,11 +67,19 @@ def open_truth() -> dict:
     return json.loads(base64.b64decode(TRUTH.read_text()))
 
 
-def play(law: Law, seconds: float, seed: int, **start: float) -> dict[str, np.ndarray]:
-    """One recording: `t`, `u_x`, `u_l`, `x`, `psi`, `l` in SI, every 5 ms, as encoders read them."""
+def play(law: Law, seconds: float, seed: int, truth: dict | None = None, **start: float) -> dict[str, np.ndarray]:
+    """One recording: `t`, `u_x`, `u_l`, `x`, `psi`, `l` in SI, every 5 ms, as encoders read them.
+
+    Args:
+        law: what commands the drives.
+        seconds: length [s].
+        seed: of the noise.
+        truth: the rig's own numbers, as `draw` returns them; those of `truth.txt` by default.
+        start: initial `x` [m], `psi` [rad], `l` [m], at rest.
+    """
     from rig import simulate
 
-    return simulate(open_truth(), law, seconds, seed, start)
+    return simulate(truth or open_truth(), law, seconds, seed, start)
 
 
 def sampled(controller: jbridge.Controller, path: jbridge.Path) -> Law:

@@ -24,6 +24,7 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 
 import jbridge  # noqa: E402
+from comparison import draw  # noqa: E402
 from on_rig import on_rig  # noqa: E402
 from rivals import lqr_gains, population  # noqa: E402
 
@@ -191,7 +192,7 @@ def main() -> None:
         jbridge.set_up()
         controllers(Bench(), set(arguments.only or CONTROLLERS))
     if DATA.exists():
-        jbridge.save_comparison(ROOT / "figures", DATA, OUT)
+        draw(json.loads(DATA.read_text()), ROOT / "figures")
 
 
 if __name__ == "__main__":

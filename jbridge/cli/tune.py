@@ -1,6 +1,8 @@
 """`jbridge tune`: a controller made better by gradients."""
 
 import argparse
+import dataclasses
+import math
 
 import jbridge
 from jbridge import InputError
@@ -14,7 +16,8 @@ bridges about a model, and compares on further bridges and moves.
 
 Without --controller the rules named by --rules are tuned: the paper's, or the
 extended ones, in which velocity and swing angle act; or a PID controller, or
-state feedback that begins as an LQR of the model. DIR receives
+state feedback that begins as an LQR of the model, on the positions' differences
+(lqr) or on the states that a Kalman filter estimates (lqg). DIR receives
 controller.toml (tuned, for jbridge control), controller.h (the same in C),
 tune.html (to look at), tune.json (the same in numbers) and the figures.
 
@@ -30,7 +33,7 @@ def add(commands: Commands) -> None:
     tune.add_argument("model", metavar="MODEL.toml", help=MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
     tune.add_argument(
-        "--rules", choices=("paper", "extended", "pid", "lqr"), default="paper", help="otherwise (%(default)s)"
+        "--rules", choices=("paper", "extended", "pid", "lqr", "lqg"), default="paper", help="otherwise (%(default)s)"
     )
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
@@ -38,6 +41,7 @@ def add(commands: Commands) -> None:
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
     tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
+    tune.add_argument("--shaping", choices=("zv", "zvd"), help="shape the reference for a rope in the middle of --rope")
     tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
     tune.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
@@ -54,6 +58,9 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         controller = controller_of(arguments.controller)
     else:
         controller = _law(arguments.rules, model)
+    region = _region(arguments.rail, arguments.rope)
+    if arguments.shaping:
+        controller = _shaped(controller, arguments.shaping, model, region or jbridge.PAPER_REGION)
     tuning = jbridge.tune(
         model,
         controller,
@@ -61,7 +68,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         steps=arguments.steps,
         starts=arguments.starts,
         seed=arguments.seed,
-        region=_region(arguments.rail, arguments.rope),
+        region=region,
         scatter=jbridge.Scatter(late=1e-3 * arguments.delay),
         progress=console,
     )
@@ -77,7 +84,15 @@ def _law(rules: str, model: "jbridge.Model") -> "jbridge.Controller":
         return jbridge.Controller(jbridge.extended_controller(given))
     if rules == "pid":
         return jbridge.Controller(jbridge.Pid(compensation=given))
-    return jbridge.lqr_controller(model, given)
+    return (jbridge.lqg_controller if rules == "lqg" else jbridge.lqr_controller)(model, given)
+
+
+def _shaped(
+    controller: "jbridge.Controller", kind: str, model: "jbridge.Model", region: "jbridge.Region"
+) -> "jbridge.Controller":
+    """The same controller with its reference shaped for the free swing on the mean rope length of a region."""
+    frequency = math.sqrt(float(model.plant.bridge.gravity) / (0.5 * sum(region.rope)))
+    return dataclasses.replace(controller, shaping=jbridge.Shaping(kind, frequency))
 
 
 def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Region | None":

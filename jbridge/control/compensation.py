@@ -40,9 +40,13 @@ class Compensation(eqx.Module):
 
     def __call__(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """The command with what is lost on its way, within the drives' limits [V]."""
-        lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
         limits = jnp.stack([self.cart_limit, self.hoist_limit])
-        return jnp.clip(command + lost + jnp.stack([jnp.zeros(()), self.hoist_bias]), -limits, limits)
+        return jnp.clip(command + self.lost(command), -limits, limits)
+
+    def lost(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
+        """What is lost on the way of a command, and what holds the load [V]."""
+        lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
+        return lost + jnp.stack([jnp.zeros(()), self.hoist_bias])
 
 
 def read_compensation(file: Where, table: Any) -> Compensation | None:

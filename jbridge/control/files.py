@@ -13,8 +13,18 @@ from ..trajectory import Path as SignalPath
 from .base import AbstractController
 from .fuzzy import FuzzyController
 from .fuzzy_files import KEYS, fuzzy_lines, read_fuzzy
-from .linear import Pid, StateFeedback
-from .linear_files import FEEDBACK_KEYS, PID_KEYS, feedback_lines, pid_lines, read_feedback, read_pid
+from .linear import ObserverFeedback, Pid, StateFeedback
+from .linear_files import (
+    FEEDBACK_KEYS,
+    OBSERVER_KEYS,
+    PID_KEYS,
+    feedback_lines,
+    observer_lines,
+    pid_lines,
+    read_feedback,
+    read_observer,
+    read_pid,
+)
 from .shaping import Shaping, read_shaping, shaping_lines
 
 PERIOD = 0.02
@@ -55,6 +65,7 @@ _FORMATS = {
     "fuzzy": _Format(FuzzyController, KEYS, read_fuzzy, fuzzy_lines),
     "pid": _Format(Pid, PID_KEYS, read_pid, pid_lines),
     "state_feedback": _Format(StateFeedback, FEEDBACK_KEYS, read_feedback, feedback_lines),
+    "observer_feedback": _Format(ObserverFeedback, OBSERVER_KEYS, read_observer, observer_lines),
 }
 
 

@@ -12,12 +12,13 @@ import numpy as np
 
 from .._toml import Where, as_value, flag, positive, shown, word
 from ..errors import InputError, listed
-from ..fuzzy.fis import load_fis, save_fis
+from ..fuzzy.files.fis_reader import load_fis
+from ..fuzzy.files.fis_writer import save_fis
+from ..fuzzy.files.tables import has_place_in_tables, read_system, system_lines
 from ..fuzzy.inference import AbstractSystem, Mamdani
 from ..fuzzy.membership import MEMBERSHIPS, as_number
 from ..fuzzy.rules import Clause, Variable
 from ..fuzzy.sugeno import Linear, Sugeno
-from ..fuzzy.tables import has_place_in_tables, read_system, system_lines
 from .base import Differences
 from .compensation import compensation_lines, read_compensation
 from .fuzzy import INPUTS, FuzzyController

@@ -1,4 +1,4 @@
-"""Linear laws as rivals of the fuzzy ones: PID and state feedback, with what friction and dead zone take given back."""
+"""Linear laws as rivals of the fuzzy ones, PID and state feedback, with what friction and dead zone take given back."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -81,3 +81,44 @@ class StateFeedback(AbstractController):
             ]
         )
         return self.compensation(-self.gains @ away), state
+
+
+class _Estimate(NamedTuple):
+    state: Float[Array, " 6"]
+    """`x, psi, l` and their velocities."""
+    given: Float[Array, " 2"]
+    """Voltages of the last sample, without what is lost on their way [V]."""
+
+
+class ObserverFeedback(AbstractController):
+    """State feedback on what an observer estimates: `u = -K (s - reference)`, `s <- A s + B u + L (y - C (A s + B u))`.
+
+    `C` takes `x, psi, l` from the state. The matrices hold for one sampling period. Source: Kwakernaak and Sivan
+    (1972), section 6.6.
+    """
+
+    tunable: ClassVar[tuple[str, ...]] = ("gains",)
+    gains: Float[Array, "2 6"]
+    """`K`, as those of `StateFeedback`."""
+    transition: Float[Array, "6 6"]
+    """`A`, from one sample to the next, of `x, psi, l` [m, rad, m] and their velocities."""
+    drive: Float[Array, "6 2"]
+    """`B`, of voltages that friction and dead zones take nothing from."""
+    correction: Float[Array, "6 3"]
+    """`L`, of what is measured beyond what is foreseen [m, rad, m]."""
+    compensation: Compensation = eqx.field(default_factory=Compensation)
+
+    def start(self, measured: Axes) -> _Estimate:
+        zero = jnp.zeros_like(measured.x)
+        return _Estimate(jnp.stack([*measured, zero, zero, zero]), jnp.zeros(2))
+
+    def command(
+        self, state: _Estimate, measured: Axes, reference: Reference, period: Scalar | float
+    ) -> tuple[Float[Array, " 2"], _Estimate]:
+        foreseen = self.transition @ state.state + self.drive @ state.given
+        found = foreseen + self.correction @ (jnp.stack([*measured]) - foreseen[:3])
+        zero = jnp.zeros_like(measured.x)
+        wanted = jnp.stack([reference.x, zero, reference.l, reference.v_x, zero, reference.v_l])
+        asked = -self.gains @ (found - wanted)
+        command = self.compensation(asked)
+        return command, _Estimate(found, command - self.compensation.lost(asked))

@@ -23,6 +23,19 @@ class Shaping:
     damping: float = 0.0
     """Damping ratio of that swing [1]."""
 
+    def impulses(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the impulses into which a change of the reference is split [1], and their delays [s].
+
+        Raises:
+            ValueError: the kind is neither `zv` nor `zvd`.
+        """
+        if self.kind not in KINDS:
+            raise ValueError(f"{self.kind!r} is neither of {', '.join(KINDS)}")
+        root = np.sqrt(1.0 - self.damping**2)
+        ratio = np.exp(-self.damping * np.pi / root)
+        weights = np.array([1.0, ratio] if self.kind == "zv" else [1.0, 2.0 * ratio, ratio**2])
+        return weights / weights.sum(), np.arange(len(weights)) * np.pi / (self.frequency * root)
+
     def __call__(self, path: Path) -> Path:
         """The reference as the controller follows it."""
         return shaped(path, self.frequency, self.damping, self.kind)
@@ -69,13 +82,7 @@ def shaped(path: Path, frequency: float, damping: float = 0.0, kind: str = "zvd"
     Raises:
         ValueError: the kind is neither.
     """
-    if kind not in KINDS:
-        raise ValueError(f"{kind!r} is neither of {', '.join(KINDS)}")
-    root = np.sqrt(1.0 - damping**2)
-    ratio = np.exp(-damping * np.pi / root)
-    weights = np.array([1.0, ratio] if kind == "zv" else [1.0, 2.0 * ratio, ratio**2])
-    weights /= weights.sum()
-    delays = np.arange(len(weights)) * np.pi / (frequency * root)
+    weights, delays = Shaping(kind, frequency, damping).impulses()
     period = float(path.times[1] - path.times[0])
     extra = int(np.ceil(delays[-1] / period))
     times = path.times[0] + period * np.arange(len(path.times) + extra)

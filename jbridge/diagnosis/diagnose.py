@@ -20,7 +20,7 @@ from ..identification.uncertainty import as_uncertainty, covariance, estimates, 
 from ..model.effects.catalogue import CATALOGUE
 from ..model.files import Model
 from ..model.parameters import ParameterTable
-from ..recordings import Recording
+from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
@@ -184,7 +184,13 @@ def _told(
         model_effects=own,
         bridge={name: e for name, e in values.items() if "@" not in name},
         before=dataclasses.replace(model, plant=base.plant),
-        model=dataclasses.replace(model, plant=final.plant, known=known, uncertainty=as_uncertainty(values)),
+        model=dataclasses.replace(
+            model,
+            plant=final.plant,
+            known=known,
+            uncertainty=as_uncertainty(values),
+            recorded=covered_by(setting.recordings),
+        ),
         train_before=checked.train_before.as_errors(),
         train_after=checked.train_after.as_errors(),
         holdout_before=checked.before.as_errors() if opened else empty,

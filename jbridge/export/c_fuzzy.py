@@ -23,8 +23,9 @@ from ..fuzzy.defuzzify import (
     NearestOfMaximum,
     SmallestOfMaximum,
 )
+from ..fuzzy.flanks import flank_slope
 from ..fuzzy.inference import AbstractSystem, Mamdani
-from ..fuzzy.membership import AbstractMembership, Trapezoidal, flank_slope
+from ..fuzzy.membership import AbstractMembership, Trapezoidal
 from ..fuzzy.norms import AbstractNorm, Product, Sum
 from ..fuzzy.rules import Clause, Rule, Variable
 from ..fuzzy.sugeno import Conclusions, Sugeno

@@ -18,8 +18,9 @@ from ..errors import InputError
 from ..model.files import Model, present
 from ..model.steps import substeps
 from ..simulation.closed_loop import Sampled, SampledPlant, periods_remembered
+from .atoms import Atoms, literal
 from .header import SelfTest, header
-from .translate import Atoms, Translator, literal
+from .translate import Translator
 
 SAMPLES = 32
 """Samples of the self-test."""

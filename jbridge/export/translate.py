@@ -14,13 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
-from numpy.typing import NDArray
 
 from ..errors import InputError
-from .header import constant
-
-Atoms = NDArray[Any]
-"""An array whose elements are numbers or expressions of C (`str`)."""
+from .atoms import Atoms, c_type, elements, literal, numbers_in, taken
 
 _NAME = re.compile(r"\bv\d+\b")
 _OPERATIONS = {
@@ -129,7 +125,7 @@ class Translator:
             inner: Any = params.get("jaxpr") or params.get("call_jaxpr")
             closed = isinstance(inner, ClosedJaxpr)
             return self._closed(inner, inputs) if closed else self._jaxpr(inner, (), inputs)
-        numbers = [_numbers(a) for a in inputs]
+        numbers = [numbers_in(a) for a in inputs]
         if all(n is not None for n in numbers):
             typed = [np.asarray(n, _aval(variable).dtype) for n, variable in zip(numbers, equation.invars, strict=True)]
             return [np.asarray(each) for each in _bound(equation, *typed)]
@@ -158,7 +154,7 @@ class Translator:
     def let(self, expression: str, dtype: Any = float) -> str:
         """Writes a constant and returns its name."""
         name = self.name()
-        self.line(f"const {_type(dtype)} {name} = {expression};", name)
+        self.line(f"const {c_type(dtype)} {name} = {expression};", name)
         return name
 
     def _each(self, template: str, inputs: Sequence[Atoms], dtype: Any = float) -> Atoms:
@@ -223,17 +219,17 @@ class Translator:
         moving = {"gather": 1, "scatter": 3, "dynamic_slice": 1, "dynamic_update_slice": 2}.get(name, len(inputs))
         moved = [k for k in range(moving) if not (name == "scatter" and k == 1)]
         indices = [k for k in range(len(inputs)) if k not in moved]
-        if any(_numbers(inputs[k]) is None for k in indices):
+        if any(numbers_in(inputs[k]) is None for k in indices):
             return [self._looked_up(equation, inputs)]
         pool: list[Any] = []
-        arguments: list[Any] = [np.asarray(_numbers(inputs[k]) if k in indices else 0) for k in range(len(inputs))]
+        arguments: list[Any] = [np.asarray(numbers_in(inputs[k]) if k in indices else 0) for k in range(len(inputs))]
         for k in moved:
             arguments[k] = np.arange(inputs[k].size).reshape(inputs[k].shape) + len(pool)
             pool.extend(inputs[k].ravel())
         for k in indices:
             arguments[k] = arguments[k].astype(_aval(equation.invars[k]).dtype)
         found = _bound(equation, *arguments)
-        return [_taken(pool, np.asarray(each)) for each in found]
+        return [taken(pool, np.asarray(each)) for each in found]
 
     def _looked_up(self, equation: JaxprEqn, inputs: list[Atoms]) -> Atoms:
         """Elements of a table at places that the program computes."""
@@ -259,9 +255,9 @@ class Translator:
 
     def _array(self, atoms: Atoms, dtype: Any) -> str:
         name = self.name()
-        fixed = "static " if _numbers(atoms) is not None else ""
+        fixed = "static " if numbers_in(atoms) is not None else ""
         values = ", ".join(literal(each) for each in atoms.ravel())
-        self.line(f"{fixed}const {_type(dtype)} {name}[{atoms.size}] = {{{values}}};", name)
+        self.line(f"{fixed}const {c_type(dtype)} {name}[{atoms.size}] = {{{values}}};", name)
         return name
 
     def _variables(self, values: Sequence[Atoms], dtypes: Sequence[Any]) -> list[Atoms]:
@@ -271,7 +267,7 @@ class Translator:
             names = np.empty(value.shape, object)
             for place in np.ndindex(value.shape):
                 name = names[place] = self.name()
-                self.line(f"{_type(dtype)} {name} = {literal(value[place])};", name)
+                self.line(f"{c_type(dtype)} {name} = {literal(value[place])};", name)
             result.append(names)
         return result
 
@@ -331,17 +327,17 @@ class Translator:
         made = []
         for variable in variables[carried:]:
             made.append(self.name())
-            self.line(f"{_type(_aval(variable).dtype)} {made[-1]}[{math.prod(_aval(variable).shape)}];", made[-1])
+            self.line(f"{c_type(_aval(variable).dtype)} {made[-1]}[{math.prod(_aval(variable).shape)}];", made[-1])
         k = self.name()
         if params["reverse"]:
             self.line(f"for (int {k} = {length - 1}; {k} >= 0; --{k}) {{")
         else:
             self.line(f"for (int {k} = 0; {k} < {length}; ++{k}) {{")
         self._margin += 1
-        own = [_elements(name, k, each.shape[1:]) for name, each in zip(columns, rows, strict=True)]
+        own = [elements(name, k, each.shape[1:]) for name, each in zip(columns, rows, strict=True)]
         results = self._closed(params["jaxpr"], [*constants, *carry, *own])
         for name, value in zip(made, results[carried:], strict=True):
-            for target, each in zip(_elements(name, k, value.shape).flat, value.flat, strict=True):
+            for target, each in zip(elements(name, k, value.shape).flat, value.flat, strict=True):
                 self.line(f"{target} = {literal(each)};", name)
         self._assign(carry, results[:carried])
         self._margin -= 1
@@ -349,13 +345,8 @@ class Translator:
         stacked = []
         for name, variable in zip(made, variables[carried:], strict=True):
             shape = _aval(variable).shape
-            stacked.append(_elements(name, "0", (math.prod(shape),)).reshape(shape))
+            stacked.append(elements(name, "0", (math.prod(shape),)).reshape(shape))
         return [*carry, *stacked]
-
-
-def literal(atom: Any) -> str:
-    """A number or an expression, as C writes it."""
-    return atom if isinstance(atom, str) else constant(atom)
 
 
 def _bound(equation: JaxprEqn, *values: Any) -> list[Any]:
@@ -363,38 +354,9 @@ def _bound(equation: JaxprEqn, *values: Any) -> list[Any]:
     return list(found) if equation.primitive.multiple_results else [found]
 
 
-def _numbers(atoms: Atoms) -> NDArray[Any] | None:
-    """The numbers of an array that holds nothing else."""
-    if atoms.dtype != object:
-        return atoms
-    if any(isinstance(each, str) for each in atoms.flat):
-        return None
-    return np.array(atoms.tolist()).reshape(atoms.shape)
-
-
-def _taken(pool: list[Any], places: NDArray[np.int64]) -> Atoms:
-    result = np.empty(places.shape, object)
-    for at in np.ndindex(places.shape):
-        result[at] = pool[int(places[at])]
-    return result
-
-
-def _elements(name: str, row: str, shape: tuple[int, ...]) -> Atoms:
-    """The elements of one row of an array."""
-    size = math.prod(shape)
-    result = np.empty(shape, object)
-    for number, place in enumerate(np.ndindex(shape)):
-        result[place] = f"{name}[{number if row == '0' else row if size == 1 else f'{size} * {row} + {number}'}]"
-    return result
-
-
 def _power(exponent: int) -> str:
     product = " * ".join(["{0}"] * abs(exponent))
     return product if exponent > 0 else f"1 / ({product})"
-
-
-def _type(dtype: Any) -> str:
-    return "P_real" if np.issubdtype(dtype, np.floating) else "int"
 
 
 def _aval(variable: Any) -> Any:

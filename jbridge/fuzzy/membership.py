@@ -19,15 +19,8 @@ from jaxtyping import Array
 
 from .._math import decay
 from .._types import Scalar
-from .norms import Softness, between, lesser, weighed
-
-_ROUNDING = 4.0
-"""Corners that are nearer to each other than so many units in the last place make a vertical flank."""
-
-
-def _least(value: Array) -> float:
-    """Least width that is divided by: small against every universe, and its square against no number."""
-    return 1e-100 if value.dtype == jnp.float64 else 1e-12
+from .flanks import least_width, ramps, spline
+from .norms import Softness, between, lesser
 
 
 def as_number(value: Any) -> Array:
@@ -84,84 +77,6 @@ class AbstractMembership(eqx.Module):
         return tuple((number - middle if unit.counted else number) / span**unit.power for number, unit in found)
 
 
-@jax.custom_jvp
-def _flanks(
-    value: Array, left: Array, top_left: Array, top_right: Array, right: Array, softness: Array | None
-) -> Array:
-    """Degree of a shape that rises between two corners, stays, and falls between two others."""
-    _, _, up, down = _slopes(value, left, top_left, top_right, right)
-    return _height(up, down, softness)[0]
-
-
-def _flanks_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
-    """Written out, since what the chain rule gives is several times the code."""
-    per_rise, per_fall, up, down = _slopes(*primals[:5])
-    height, by_up, by_down, by_softness = _height(up, down, primals[5])
-    rise, fall = by_up * per_rise, by_down * per_fall
-    derivatives = [rise - fall, rise * (up - 1.0), -rise * up, fall * down, fall * (1.0 - down), by_softness]
-    return height, weighed(*zip(*((t, d) for t, d in zip(tangents, derivatives, strict=True) if t is not None)))
-
-
-_flanks.defjvp(_flanks_jvp, symbolic_zeros=True)
-
-
-@jax.jit
-def _ramps(value: Array, left: Array, top_left: Array, top_right: Array, right: Array, softness: Softness) -> Array:
-    """The same for any softness. Jitted on its own, so that all sets share one trace, which costs more than it."""
-    blur = None if softness is None else jnp.asarray(softness, jnp.result_type(value, left))
-    return _flanks(value, left, top_left, top_right, right, blur)
-
-
-def _slopes(
-    value: Array, left: Array, top_left: Array, top_right: Array, right: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Slopes of the flanks (0 for vertical and open ones), and the heights of their straight lines at a value."""
-    (sloped_rise, rise), (sloped_fall, fall) = _slope(left, top_left), _slope(top_right, right)
-    up = jnp.where(sloped_rise, (value - left) * rise, jnp.where(value >= top_left, 1.0, 0.0))
-    down = jnp.where(sloped_fall, (right - value) * fall, jnp.where(value <= top_right, 1.0, 0.0))
-    return rise, fall, jnp.where(left == -jnp.inf, 1.0, up), jnp.where(right == jnp.inf, 1.0, down)
-
-
-def _slope(begin: Array, end: Array) -> tuple[Array, Array]:
-    """Whether a flank between two corners is neither vertical nor endless, and its slope, 0 otherwise."""
-    size = jnp.maximum(jnp.abs(begin), jnp.abs(end))
-    width = jnp.where(size == jnp.inf, 0.0, end - begin)
-    # A corner that is no number makes a slope that is none.
-    sloped = ~(width <= _ROUNDING * jnp.finfo(width.dtype).eps * jnp.where(size == jnp.inf, 0.0, size) + _least(width))
-    return sloped, jnp.where(sloped, 1.0 / jnp.where(sloped, width, 1.0), 0.0)
-
-
-def flank_slope(begin: Array, end: Array) -> Array:
-    """Slope of a straight flank between two corners, 0 if it is vertical or endless."""
-    return _slope(begin, end)[1]
-
-
-def _height(up: Array, down: Array, softness: Array | None) -> tuple[Array, Array, Array, Array | None]:
-    """The smaller of two heights, kept between 0 and 1, and its derivatives by both and by the softness."""
-    if softness is None:
-        least = lesser(up, down)
-        inside = jnp.where((least < 0.0) | (least > 1.0), 0.0, 1.0)
-        return between(least, 0.0, 1.0), jnp.where(up < down, inside, 0.0), jnp.where(up < down, 0.0, inside), None
-    least, up_share, by_width = _at_most(up, down, softness)
-    capped, under, cap_by_width = _at_most(least, 1.0, softness)
-    # At least 0, its corner rounded alike.
-    below, beyond, below_by_width = _at_most(capped, 0.0, softness)
-    share = (1.0 - beyond) * under
-    by_softness = (1.0 - beyond) * (under * by_width + cap_by_width) - below_by_width
-    return capped - below, share * up_share, share * (1.0 - up_share), by_softness
-
-
-def _at_most(a: Array, b: Array | float, width: Array) -> tuple[Array, Array, Array]:
-    """The smaller of two heights, its corner rounded where they are closer than a width.
-
-    Returns:
-        The height, and its derivatives by the first one and by the width.
-    """
-    near = 1.0 - lesser(jnp.abs(a - b) / width, 1.0)
-    by_a = jnp.where(a < b, 1.0 - 0.5 * near, 0.5 * near)
-    return lesser(a, b) - 0.25 * width * near * near, by_a, 0.25 * near * near - 0.5 * near
-
-
 class Triangular(AbstractMembership):
     """Rises from `left` to `peak`, falls to `right`."""
 
@@ -187,7 +102,7 @@ class Trapezoidal(AbstractMembership):
     right: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        return _ramps(value, self.left, self.top_left, self.top_right, self.right, softness)
+        return ramps(value, self.left, self.top_left, self.top_right, self.right, softness)
 
     def general(self) -> "Trapezoidal":
         return self
@@ -223,14 +138,6 @@ class LinearZ(AbstractMembership):
         return Trapezoidal(open_, open_, self.shoulder, self.foot)
 
 
-def _spline(value: Array, begin: Array, end: Array) -> Array:
-    """0 up to one place, 1 from another on, two parabolas between; a step in the middle if the places are exchanged."""
-    sloped, slope = _slope(begin, end)
-    share = between((value - begin) * slope, 0.0, 1.0)
-    curve = jnp.where(share < 0.5, 2.0 * share * share, 1.0 - 2.0 * (1.0 - share) * (1.0 - share))
-    return jnp.where(sloped, curve, jnp.where(value >= 0.5 * (begin + end), 1.0, 0.0))
-
-
 class SShaped(AbstractMembership):
     """0 up to `foot`, 1 from `shoulder` on, and two parabolas between that meet in the middle at 1/2."""
 
@@ -239,7 +146,7 @@ class SShaped(AbstractMembership):
     shoulder: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        return _spline(value, self.foot, self.shoulder)
+        return spline(value, self.foot, self.shoulder)
 
     def general(self) -> "SShaped":
         return self
@@ -253,7 +160,7 @@ class ZShaped(AbstractMembership):
     foot: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        return _spline(-value, -self.foot, -self.shoulder)
+        return spline(-value, -self.foot, -self.shoulder)
 
     def general(self) -> "ZShaped":
         return self
@@ -284,7 +191,7 @@ class Gaussian(AbstractMembership):
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        away = (value - self.centre) / jnp.maximum(jnp.abs(self.width), _least(self.width))
+        away = (value - self.centre) / jnp.maximum(jnp.abs(self.width), least_width(self.width))
         # Beyond 38 widths the degree is 0 in double precision; the square must stay finite for the gradient.
         away = between(away, -40.0, 40.0)
         return decay(0.5 * away * away)
@@ -320,7 +227,7 @@ class Bell(AbstractMembership):
     centre: Scalar = _parameter()
 
     def degree(self, value: Array, softness: Softness = None) -> Array:
-        away = jnp.abs(value - self.centre) / jnp.maximum(jnp.abs(self.width), _least(self.width))
+        away = jnp.abs(value - self.centre) / jnp.maximum(jnp.abs(self.width), least_width(self.width))
         # At the centre the logarithm has no value, and a flat bell no gradient.
         # Beyond e^60 the degree is 0 in double precision; its square must stay finite for the gradient.
         return 1.0 / (1.0 + jnp.exp(jnp.clip(2.0 * self.slope * jnp.log(jnp.clip(away, 1e-9, 1e9)), -60.0, 60.0)))

@@ -11,7 +11,7 @@ from ..compilation.threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..model.parameters import ParameterTable
-from ..recordings import Recording
+from ..recordings import Recording, covered_by
 from .data.thinning import thinned
 from .data.windows import HORIZONS, make_data
 from .estimation import engine_for, fit_structure, make_problem
@@ -81,7 +81,9 @@ def fit(
     ]
     shown = [trace for a, b, role in runs for trace in traces((given, a), (fitted.plant, b), role)]
     return Fit(
-        model=dataclasses.replace(model, plant=fitted.plant, uncertainty=as_uncertainty(found)),
+        model=dataclasses.replace(
+            model, plant=fitted.plant, uncertainty=as_uncertainty(found), recorded=covered_by(recordings)
+        ),
         estimates=found,
         train=runs[0][1].as_errors(),
         holdout=runs[1][1].as_errors() if holdout else None,

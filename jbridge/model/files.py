@@ -24,7 +24,8 @@ from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBac
 from .parameters import ParameterTable, bridge_keys
 from .plant import Plant
 
-_SECTIONS = ("bridge", "effect", "uncertainty")
+_SECTIONS = ("bridge", "effect", "uncertainty", "recorded")
+_RECORDED = ("x", "l")
 _SETTLED = ("winch_mass", "gravity")
 """Numbers of the bridge that are taken as known where a file leaves them out."""
 _NEEDS = (
@@ -48,6 +49,8 @@ class Model:
     """By parameter, the entries `std`, `low`, `high` of an earlier fit, as read; lists for vectors."""
     source: str = field(default="", compare=False)
     """The file that it was read from, for messages."""
+    recorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) in the recordings of an earlier fit."""
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
@@ -70,7 +73,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     names = _known_names(file.within("[bridge]"), known, ParameterTable(plant))
     left_out = {key for key in _SETTLED if key not in given}
     uncertainty = _read_uncertainty(file, document.get("uncertainty", {}))
-    return Model(plant, frozenset(names | left_out), frozenset(given), uncertainty, str(path))
+    recorded = _read_recorded(file, document.get("recorded", {}))
+    return Model(plant, frozenset(names | left_out), frozenset(given), uncertainty, str(path), recorded)
 
 
 def save_model(path: str | os.PathLike[str], model: Model) -> None:
@@ -248,6 +252,20 @@ def _read_uncertainty(file: Where, table: Any) -> Mapping[str, Mapping[str, Any]
     return table
 
 
+def _read_recorded(file: Where, table: Any) -> dict[str, tuple[float, float]]:
+    if not isinstance(table, dict):
+        file.refuse("recorded is not a table; write [recorded] with x = [0.0, 1.2], or delete it")
+    where = file.within("[recorded]")
+    where.check_keys(table, _RECORDED, "key")
+    found = {}
+    for key, ends in table.items():
+        sound = isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)
+        if not (sound and -math.inf < ends[0] <= ends[1] < math.inf):
+            where.refuse(f"{key} = {shown(ends)} does not go from least to most; write it as {key} = [0.0, 1.2] (m)")
+        found[key] = (float(ends[0]), float(ends[1]))
+    return found
+
+
 def _as_toml(model: Model) -> str:
     table = ParameterTable(model.plant)
     lines = ["[bridge]"]
@@ -270,4 +288,6 @@ def _as_toml(model: Model) -> str:
     for name, entries in model.uncertainty.items():
         lines += ["", f"[uncertainty.{as_key(name)}]"]
         lines += [f"{as_key(key)} = {as_value(value)}" for key, value in entries.items() if value is not None]
+    if model.recorded:
+        lines += ["", "[recorded]", *(f"{key} = {as_value(list(ends))}" for key, ends in model.recorded.items())]
     return "\n".join(lines) + "\n"

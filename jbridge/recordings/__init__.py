@@ -12,7 +12,7 @@ from jbridge.recordings.load import (
     load_recording,
     load_recordings,
 )
-from jbridge.recordings.recording import Recording
+from jbridge.recordings.recording import Recording, covered_by
 from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Recording",
     "check_units",
     "constant_inputs",
+    "covered_by",
     "inspect_recordings",
     "load_recording",
     "load_recordings",

@@ -1,6 +1,6 @@
 """One recording of a rig: what was commanded and what was measured, in SI units."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -189,6 +189,13 @@ class Recording:
         )
 
     @property
+    def covered(self) -> dict[str, tuple[float, float]]:
+        """The places of the cart and the rope lengths that it reaches, `x` and `l` [m], each from least to most."""
+        length = np.asarray(self.locked_length) if self.l is None and self.locked_length is not None else self.l
+        reached = {"x": self.x, "l": length}
+        return {name: (float(np.min(v)), float(np.max(v))) for name, v in reached.items() if v is not None}
+
+    @property
     def has_cart(self) -> bool:
         """Whether a cart moves: without `x`, the pendulum hangs from a fixed point."""
         return self.x is not None
@@ -202,3 +209,10 @@ class Recording:
     def has_hoist(self) -> bool:
         """Whether the rope is wound: without `u_l` it is locked."""
         return self.u_l is not None
+
+
+def covered_by(recordings: Iterable[Recording]) -> dict[str, tuple[float, float]]:
+    """What several recordings reach together; see `Recording.covered`."""
+    each = [recording.covered for recording in recordings]
+    found = {name: [own[name] for own in each if name in own] for name in ("x", "l")}
+    return {name: (min(low for low, _ in ends), max(high for _, high in ends)) for name, ends in found.items() if ends}

@@ -36,6 +36,8 @@ class Tracking:
     """`u_x`, `u_l` [V], held until the next sample."""
     moves: tuple[Move, ...]
     """How each leg of the reference went."""
+    recorded: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    """Where the model's recordings went; see `Model.recorded`."""
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -99,4 +101,5 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
         {"u_x": command[:, 0], "u_l": command[:, 1]},
         moves(path.times, goal, position, command, limits),
+        model.recorded,
     )

@@ -60,6 +60,10 @@ class Tuning:
     responses: tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]
     """First move of the model itself, before and after: `t` [s], `x`, `psi`, `l` [m, rad, m], `u_x`, `u_l` [V], and the
     reference's `x_ref`, `l_ref` [m]."""
+    reached: Mapping[str, tuple[float, float]]
+    """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) at which a move begins or ends."""
+    recorded: Mapping[str, tuple[float, float]]
+    """The same in the model's recordings; see `Model.recorded`."""
     rollouts: int
     """Simulated moves, gradients counted once."""
     seconds: float
@@ -148,9 +152,17 @@ def tune(  # noqa: PLR0913
         costs=costs,
         measures=measures,
         responses=(_response(course, given), _response(course, tuned)),
+        reached=_reached(legs, others.legs),
+        recorded=model.recorded,
         rollouts=rollouts,
         seconds=time.perf_counter() - begun,
     )
+
+
+def _reached(*several: Legs) -> dict[str, tuple[float, float]]:
+    ends = np.concatenate([end.reshape(-1, 2) for legs in several for end in (legs.start, legs.goal)])
+    low, high = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
+    return {"x": (low[0], high[0]), "l": (low[1], high[1])}
 
 
 def _response(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:

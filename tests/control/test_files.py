@@ -10,7 +10,8 @@ from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.paper import cart_system, hoist_system, paper_controller
 from jbridge.control.reference_files import load_reference, paper_path
-from jbridge.fuzzy.fis import load_fis, save_fis
+from jbridge.fuzzy.files.fis_reader import load_fis
+from jbridge.fuzzy.files.fis_writer import save_fis
 
 
 @pytest.fixture

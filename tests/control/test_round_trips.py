@@ -13,10 +13,10 @@ from jbridge.control.base import Differences, Reference
 from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.fuzzy import FuzzyController
-from jbridge.control.linear import Pid, StateFeedback
+from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
 from jbridge.control.paper import cart_system, paper_controller
 from jbridge.control.shaping import Shaping
-from jbridge.fuzzy.fis import save_fis
+from jbridge.fuzzy.files.fis_writer import save_fis
 from jbridge.fuzzy.rules import as_number
 from tests.fuzzy.systems import any_system
 
@@ -130,6 +130,13 @@ def test_what_is_wrong_with_inputs_is_said(tmp_path, change, complaint):
 LINEAR = {
     "pid": Pid(1.0, 0.0, -1 / 3, 1e-300, 5.0, 2.0, Differences(as_number(0.03)), Compensation(cart=0.3), 0.5),
     "feedback": StateFeedback(jnp.arange(12.0).reshape(2, 6) / 7.0, compensation=Compensation(hoist_bias=-0.5)),
+    "observer": ObserverFeedback(
+        jnp.arange(12.0).reshape(2, 6) / 7.0,
+        jnp.arange(36.0).reshape(6, 6) / 3.0,
+        jnp.arange(12.0).reshape(6, 2) - 1e-300,
+        jnp.arange(18.0).reshape(6, 3) / -9.0,
+        Compensation(cart=0.3),
+    ),
     "fuzzy": paper_controller(),
 }
 
@@ -152,6 +159,18 @@ def test_rivals_of_fuzzy_controllers_come_back(tmp_path, name, shaping):
         ("pid", ("cart = {p = 1.0, i = 0.0, d = -0.3333333333333333}", ""), "no gains of the cart; add cart = {p"),
         ("feedback", ("cart = [0.0, ", "cart = ["), "is not a list of six gains"),
         ("feedback", ("cart = [0.0", "cart = [nan"), r"cart\[0\] = nan is not a number"),
+        ("observer", ("cart = [0.0, ", "cart = ["), "is not a list of six gains"),
+        (
+            "observer",
+            ("drive = [\n    [", "drive = [\n    [1.0, "),
+            "drive = .* is not a list of six rows of 2 numbers",
+        ),
+        (
+            "observer",
+            ("transition = [\n    [0.0", 'transition = [\n    ["0"'),
+            r"transition\[0\]\[0\] = '0' is not a number",
+        ),
+        ("observer", ("correction", "corection"), "unknown key 'corection'"),
         ("feedback", ('"zvd"', '"zvdd"'), "unknown kind 'zvdd'"),
         ("feedback", ("frequency = 4.4", ""), "no frequency; add frequency = 4.4"),
         ("feedback", ("damping = 0.0", "damping = 1.0"), "damping = 1 is no damping ratio"),
@@ -171,6 +190,7 @@ def test_a_rival_that_no_file_can_hold_is_not_written(tmp_path):
     for law, complaint in (
         (eqx.tree_at(lambda s: s.cart_p, LINEAR["pid"], as_number(np.nan)), "cart.p is nan"),
         (eqx.tree_at(lambda s: s.gains, LINEAR["feedback"], jnp.full((2, 6), np.inf)), r"cart\[0\] is inf"),
+        (eqx.tree_at(lambda s: s.drive, LINEAR["observer"], jnp.full((6, 2), np.nan)), r"drive\[0\]\[0\] is nan"),
     ):
         with pytest.raises(InputError, match=complaint):
             save_controller(tmp_path / "c.toml", Controller(law))

@@ -14,8 +14,9 @@ from jbridge import InputError
 from jbridge.control.compensation import Compensation
 from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller
-from jbridge.control.linear import Pid, StateFeedback
+from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
 from jbridge.control.paper import paper_controller
+from jbridge.control.shaping import Shaping
 from jbridge.export.c import TOLERANCES, controller_header, samples
 from jbridge.export.c_fuzzy import HELPERS, system_source
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS
@@ -33,6 +34,13 @@ LAWS = {
     "paper": paper_controller(),
     "extended": extended_controller(Compensation(cart=0.3, hoist=0.8, hoist_bias=-0.5)),
     "pid": Pid(cart_i=2.0, compensation=Compensation(cart=0.3, hoist_bias=-0.5)),
+    "lqg": ObserverFeedback(
+        jnp.array([[12.0, -3.0, 1.0, 3.0, -0.5, 0.1], [0.5, 0.2, 40.0, 0.1, 0.0, 3.0]]),
+        jnp.eye(6).at[:3, 3:].set(0.02 * jnp.eye(3)).at[3:, 3:].set(0.8 * jnp.eye(3)).at[4, 1].set(-0.4),
+        jnp.array([[5e-4, 0.0], [1e-4, 0.0], [0.0, 3e-4], [0.05, 0.0], [0.02, 0.0], [0.0, 0.03]]),
+        jnp.concatenate([0.8 * jnp.eye(3), 10.0 * jnp.eye(3)]).at[4, 0].set(0.7),
+        Compensation(cart=0.3, hoist=0.8, hoist_bias=-0.5),
+    ),
     "lqr": StateFeedback(jnp.array([[9.0, -3.0, 1.0, 2.0, -0.5, 0.1], [0.5, 0.2, 40.0, 0.1, 0.0, 3.0]])),
 }
 LOOP = """
@@ -40,7 +48,7 @@ LOOP = """
 int main(void) {
     double row[7];
     P_real measured[3], reference[4], command[2];
-    P_state state;
+    static P_state state;
     int k, first = 1;
     while (fread(row, sizeof row, 1, stdin) == 1) {
         for (k = 0; k < 3; ++k) measured[k] = (P_real)row[k];
@@ -81,6 +89,25 @@ def test_a_header_tests_itself(tmp_path):
     broken = compiled(tmp_path, header.replace(scale, scale.replace("0.4", "0.41")), "-DCRANE_MAIN")
     assert subprocess.run([broken], capture_output=True, check=False).returncode == 1
     assert not re.search(r"\b(malloc|calloc|realloc|free)\b", header)
+
+
+@pytest.mark.parametrize("shaping", [Shaping("zv", 4.4), Shaping("zvd", 4.4, 0.1), Shaping("zv", np.pi / 0.4)])
+def test_a_shaped_reference_is_shaped_in_c(tmp_path, shaping):
+    """Delays of 35.7 samples, of 35.9 and 71.8, and of 20 on the sample."""
+    controller = Controller(LAWS["pid"], 0.02, shaping=shaping)
+    header = controller_header(controller, "crane")
+    measured, reference, wanted = samples(controller, 2000, seed=1)
+    plain = samples(Controller(LAWS["pid"], 0.02), 2000, seed=1)[2]
+    assert np.median(np.abs(plain - wanted)[:, 0]) > 0.1
+    rows = np.concatenate([measured, reference], axis=1).tobytes()
+    # Over 40 s NumPy's interpolation rounds times to 7e-15 s, at references that jump by 50 m/s and 10 V/m.
+    for kind, tolerance in (("double", 1e-11), ("float", TOLERANCES["float"])):
+        program = compiled(tmp_path, header + LOOP.replace("P_", "crane_"), f"-DCRANE_REAL={kind}")
+        found = np.frombuffer(subprocess.run([program], input=rows, capture_output=True, check=True).stdout)
+        assert np.max(np.abs(found.reshape(-1, 2) - wanted)) <= tolerance
+        assert subprocess.run([compiled(tmp_path, header, f"-DCRANE_REAL={kind}", "-DCRANE_MAIN")]).returncode == 0
+    broken = header.replace("weight[k] * then[0]", "weight[k] * wanted[0]")
+    assert subprocess.run([compiled(tmp_path, broken, "-DCRANE_MAIN")], capture_output=True).returncode == 1
 
 
 def some_system(rng, kinds, defuzzifier, *, matlab):

@@ -9,7 +9,8 @@ import pytest
 
 from jbridge import InputError
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS
-from jbridge.fuzzy.fis import load_fis, save_fis
+from jbridge.fuzzy.files.fis_reader import load_fis
+from jbridge.fuzzy.files.fis_writer import save_fis
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.membership import MEMBERSHIPS, Gathered, membership
 from jbridge.fuzzy.rules import Clause, Rule, Variable, as_number, rule

@@ -10,7 +10,7 @@ import skfuzzy
 from jax.test_util import check_grads
 
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
-from jbridge.fuzzy.fis import load_fis
+from jbridge.fuzzy.files.fis_reader import load_fis
 from jbridge.fuzzy.grid import columns
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number, membership

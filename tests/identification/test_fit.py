@@ -47,6 +47,13 @@ def test_free_runs_are_left_with_the_noise(found):
     assert NOISE["x"] < found.noise["x"] < 1.3 * NOISE["x"]
 
 
+def test_the_model_says_where_its_recordings_went(found):
+    runs = cart_recordings(TRUTH, 4)[:3]
+    places = np.concatenate([run.x for run in runs])
+    assert found.model.recorded == {"x": (places.min(), places.max())}
+    assert np.ptp(places) > 0.1
+
+
 def test_the_result_is_complete(found):
     assert found.model.known == {"cart_mass", "gravity"}
     assert set(found.model.uncertainty) == set(FREE)

@@ -90,6 +90,7 @@ def assert_same(one: Model, other: Model) -> None:
         ParameterTable(one.plant).ravel(one.plant), ParameterTable(other.plant).ravel(other.plant)
     )
     assert (one.known, one.given, one.uncertainty) == (other.known, other.given, other.uncertainty)
+    assert one.recorded == other.recorded
 
 
 def test_reading(write):
@@ -166,6 +167,7 @@ def test_round_trip_of_every_effect(tmp_path):
         frozenset({"cart_mass", "gravity", "stribeck_friction@swing.velocity"}),
         frozenset(bridge_keys()),
         {"cart_gain": {"std": 0.1}, "position_dependent_friction@cart.levels": fitted},
+        recorded={"x": (-1 / 3, 1e-300), "l": (0.7, 0.7)},
     )
     save_model(tmp_path / "model.toml", model)
     assert_same(load_model(tmp_path / "model.toml"), model)
@@ -433,3 +435,20 @@ def test_masses_of_absent_parts_are_not_compared(write):
     load_model(
         write("[bridge]\nload_mass = 0.1\n[[effect]]\n" + BELT.replace("; ", "\n").replace("mass = 1.0", "mass = 9.0"))
     )
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("x = [1.0, 0.0]", r"x = .* does not go from least to most"),
+        ("x = [0.0, inf]", "does not go from least to most"),
+        ("x = [0.0, nan]", "does not go from least to most"),
+        ("l = [true, 2]", "does not go from least to most"),
+        ("l = 0.7", "does not go from least to most"),
+        ("psi = [0.0, 1.0]", "psi"),
+    ],
+)
+def test_what_is_wrong_with_a_recorded_range_is_said(write, line, complaint):
+    with pytest.raises(InputError, match=complaint) as found:
+        load_model(write(f"[bridge]\ncart_mass = 1.0\n[recorded]\n{line}\n"))
+    assert "[recorded]" in str(found.value) and "\n" not in str(found.value)

@@ -25,7 +25,7 @@ from jbridge.tuning.compensation import compensation_for
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.lqr import linear_model, lqr_controller
+from jbridge.tuning.lqr import linear_model, lqg_controller, lqr_controller
 from jbridge.tuning.objectives import (
     Chatter,
     Effort,
@@ -261,6 +261,30 @@ def test_an_lqr_is_that_of_python_control():
     wanted, _, poles = control.dlqr(a, b, q, np.diag([1.0, 1 / 9.0]))
     np.testing.assert_allclose(law.gains, wanted, rtol=1e-6, atol=1e-7)
     assert np.abs(poles).max() < 1.0
+
+
+def test_a_kalman_filter_is_that_of_python_control():
+    """Corrections against another solver, and an estimate that comes to what moves."""
+    control = pytest.importorskip("control")
+    law = lqg_controller(MODEL, length=0.5).law
+    a, b, _ = linear_model(PLANT, 0.5, 0.02)
+    # Places and lengths about the working point move alike, so that the estimate needs no offset; the slow motion about
+    # which the bridge is linearised couples the rest by 1e-6.
+    np.testing.assert_allclose(a[:, [0, 2]], np.eye(6)[:, [0, 2]], atol=2e-6)
+    degree = np.radians(1.0)
+    unforeseen = np.diag(np.square([0.01, degree, 0.01]))
+    read = np.diag(np.square([1e-4, 0.05 * degree, 1e-4]))
+    into, c = np.eye(6, 3, -3), np.eye(3, 6)
+    predicting, _, poles = control.dlqe(a, into, c, unforeseen, read)
+    np.testing.assert_allclose(a @ law.correction, predicting, rtol=1e-6, atol=1e-9)
+    assert np.abs(poles).max() < 1.0
+    state, estimate = np.array([0.5, 0.02, 0.4, 0.1, 0.3, -0.1]), law.start(Axes(*map(jnp.asarray, (0.5, 0.02, 0.4))))
+    for _ in range(50):
+        measured = Axes(*map(jnp.asarray, state[:3]))
+        asked, estimate = law.command(estimate, measured, Reference(*map(jnp.asarray, (0.5, 0.4, 0.0, 0.0))), 0.02)
+        np.testing.assert_allclose(estimate.given, asked)
+        last, state = state, a @ state + b @ np.asarray(asked)
+    np.testing.assert_allclose(estimate.state, last, atol=1e-6)
 
 
 def test_measures_agree_with_those_of_one_run():

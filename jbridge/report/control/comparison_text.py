@@ -17,13 +17,17 @@ def describe_rivals(runs: Mapping[str, Tracking]) -> str:
     Args:
         runs: of each controller, by name, along the same reference.
     """
-    head = ("controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", "travel, V/s", "sign changes")
+    head = (
+        "controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", "travel, V/s", "sign changes",
+        "at the limit",
+    )  # fmt: skip
     rows = []
     for name, run in runs.items():
         times, mean = _settled(run)
         swing = max(move.residual_swing for move in run.moves)
         itae = (sum(move.itae[axis] for move in run.moves) for axis in ("x", "l"))
         travel = (float(np.mean([move.travel[axis] for move in run.moves])) for axis in ("x", "l"))
+        limit = (float(np.mean([move.saturation[axis] for move in run.moves])) for axis in ("x", "l"))
         changes = (sum(move.sign_changes[axis] for move in run.moves) for axis in ("x", "l"))
         rows.append(
             (
@@ -34,6 +38,7 @@ def describe_rivals(runs: Mapping[str, Tracking]) -> str:
                 ", ".join(map(digits, itae)),
                 ", ".join(map(digits, travel)),
                 ", ".join(map(str, changes)),
+                ", ".join(f"{100 * share:.2g} %" for share in limit),
             )
         )
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]

@@ -22,6 +22,7 @@ from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import bullets, element, page, section, show_all, table, tag
 from ..text.quantities import digits
+from .warnings import as_sentences, tracking_warnings
 
 RUN = "run.csv"
 _NEVER = "not within the time"
@@ -55,8 +56,7 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    remarks = [sentence[0].upper() + sentence[1:] for sentence in unsettled(tracking)]
-    write_text(target / "control.html", _page(tracking, pictures, [*remarks, *silence(tracking, controller)]))
+    write_text(target / "control.html", _page(tracking, pictures, silence(tracking, controller)))
     return target / "control.html"
 
 
@@ -79,18 +79,10 @@ def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
     ]
-    lines = [*(f"Warning: {sentence}" for sentence in unsettled(tracking)), *lines, ""]
+    lines = [*(f"Warning: {sentence}" for sentence in tracking_warnings(tracking)), *lines, ""]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"
-
-
-def unsettled(tracking: Tracking) -> list[str]:
-    """A sentence on the moves whose load does not settle, if there are any."""
-    never = [str(k) for k, move in enumerate(tracking.moves, start=1) if move.settling_time["load"] is None]
-    if not never:
-        return []
-    return [f"the load does not settle in move{'s' if len(never) > 1 else ''} {', '.join(never)}."]
 
 
 def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
@@ -194,6 +186,7 @@ def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[s
         "Closed loop - jbridge",
         [
             element("header", tag("p", "The controller moves the load", "verdict") + tag("h1", title)),
+            bullets(as_sentences(tracking_warnings(tracking)), "warnings"),
             section(
                 "How each move went",
                 table(head, _rows(tracking)),

@@ -1,7 +1,6 @@
 """What `tune` leaves: the tuned controller, how it compares, and the pictures."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,26 +20,9 @@ from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import bullets, element, page, section, show_all, table, tag
 from ..text.quantities import digits
+from .warnings import SHOWN, as_sentences, tuning_warnings
 
-SHOWN: Mapping[str, tuple[str, str, float]] = {
-    "settling_load": ("load settled", "s", 1.0),
-    "residual_swing": ("swing left", "°", 180.0 / np.pi),
-    "overshoot_x": ("overshoot of x", "mm", 1e3),
-    "overshoot_l": ("overshoot of l", "mm", 1e3),
-    "itae_x": ("ITAE of x", "m s²", 1.0),
-    "itae_l": ("ITAE of l", "m s²", 1.0),
-    "effort_x": ("effort of the cart", "V²", 1.0),
-    "chatter_x": ("travel of u_x", "V/s", 1.0),
-    "chatter_l": ("travel of u_l", "V/s", 1.0),
-    "sign_changes_x": ("sign changes of u_x", "1", 1.0),
-    "sign_changes_l": ("sign changes of u_l", "1", 1.0),
-    "saturation_x": ("time of u_x at the limit", "%", 100.0),
-    "saturation_l": ("time of u_l at the limit", "%", 100.0),
-}
-"""What is told of a controller: name, unit, factor from the summaries' unit."""
 _DRAWN = ("settling_load", "residual_swing", "itae_x")
-_RESTLESS = {"chatter_x": 0.1, "chatter_l": 0.1, "sign_changes_x": 1.0, "sign_changes_l": 1.0}
-"""What must not grow beyond twice that of the controller as given, and what is too small for that to matter."""
 _SHOWN_ERROR = 0.2
 """How far from zero surfaces show the error, as a share of the larger scale."""
 _COURSES = {"train": "tuned on", "held_out": "held out"}
@@ -55,16 +37,13 @@ _EXPLAINED = (
 def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
     """Writes controller.toml (tuned), controller.h (the same in C), tune.json, figures/*.png and tune.html.
 
-    A controller that shapes its reference has no form in C.
-
     Raises:
         InputError: if a file cannot be written.
     """
     target = Path(folder)
     if has_file(tuning.controller.law):
         save_controller(target / "controller.toml", tuning.controller)
-        if tuning.controller.shaping is None:
-            write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
+        write_text(target / "controller.h", controller_header(tuning.controller, "controller"))
     told: dict[str, Any] = {
         "schema": 1,
         "cost": {name: {"before": a, "after": b} for name, (a, b) in tuning.costs.items()},
@@ -91,23 +70,6 @@ def _numbers(values: NDArray[np.float64]) -> Any:
     return [_numbers(value) if np.ndim(value) else (float(value) if np.isfinite(value) else None) for value in values]
 
 
-def warnings(tuning: Tuning) -> list[str]:
-    """Sentences on what became worse on the held-out bridges, and on moves whose load does not settle there."""
-    before, after = tuning.measures["held_out"]
-    found = []
-    for key, small in _RESTLESS.items():
-        old, new = float(np.mean(before[key])), float(np.mean(after[key]))
-        if not new <= max(2.0 * old, small):
-            name, unit, _ = SHOWN[key]
-            unit = "" if unit == "1" else f" {unit}"
-            found.append(f"{name} went from {digits(old)} to {digits(new)}{unit} on average, more than twice.")
-    never = int(np.isnan(after["settling_load"]).sum())
-    if never:
-        given = int(np.isnan(before["settling_load"]).sum())
-        found.append(f"the load does not settle in {never} of {after['settling_load'].size} moves ({given} as given).")
-    return found
-
-
 def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     """How the tuned controller compares, as a table for the terminal."""
     head, rows = _rows(tuning)
@@ -115,7 +77,7 @@ def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
     ]
-    lines = [*(f"Warning: {sentence}" for sentence in warnings(tuning)), *lines]
+    lines = [*(f"Warning: {sentence}" for sentence in tuning_warnings(tuning)), *lines]
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]
@@ -136,10 +98,10 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
             "How many of them stay below a value; a line that ends below 100 % has moves that never settle.",
         ),
         _responses(tuning),
-        draw_descent("descent", "The way down", [("tuned", tuning.history)], tuning.softness),
+        draw_descent("descent", "The way down", tuning.history, tuning.softness),
     ]
     for axis in ("cart", "hoist"):
-        pictures += changed_pictures(axis, before, after)
+        pictures += _changed(axis, before, after)
     return tuple(pictures)
 
 
@@ -151,7 +113,7 @@ def _responses(tuning: Tuning) -> Picture:
     )
 
 
-def changed_pictures(axis: str, before: AbstractController, after: AbstractController, of: str = "") -> list[Picture]:
+def _changed(axis: str, before: AbstractController, after: AbstractController) -> list[Picture]:
     """Sets and surfaces of one axis (`cart`, `hoist`), as given and tuned; none if its system is not Mamdani's."""
     if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
         return []
@@ -161,8 +123,8 @@ def changed_pictures(axis: str, before: AbstractController, after: AbstractContr
     scales = float(getattr(before, f"{axis}_scale")), float(getattr(after, f"{axis}_scale"))
     pair = {"as given": old, "tuned": new}
     return [
-        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}{of}", old, new, scales),
-        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say{of}", pair, _SHOWN_ERROR * max(scales), scales),
+        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new, scales),
+        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", pair, _SHOWN_ERROR * max(scales), scales),
     ]
 
 
@@ -194,7 +156,7 @@ def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
         "Tuning - jbridge",
         [
             element("header", tag("p", "The controller is tuned", "verdict") + tag("h1", title)),
-            bullets([sentence[0].upper() + sentence[1:] for sentence in warnings(tuning)], "warnings"),
+            bullets(as_sentences(tuning_warnings(tuning)), "warnings"),
             section("As given and tuned", table(head, rows, numbers=range(1, len(head))), tag("p", _EXPLAINED, "soft")),
             section("What changed", show_all(pictures)),
             section(

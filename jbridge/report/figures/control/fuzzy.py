@@ -205,23 +205,18 @@ def draw_rules(
     return picture(name, title, 1.6 + 0.26 * len(words), draw, said)
 
 
-def draw_descent(
-    name: str, title: str, curves: Sequence[tuple[str, NDArray[np.float64]]], softness: NDArray[np.float64]
-) -> Picture:
+def draw_descent(name: str, title: str, cost: NDArray[np.float64], softness: NDArray[np.float64]) -> Picture:
     """The cost over the steps of a search, and the softness that it had."""
 
     def draw(figure: FigureBase) -> None:
         left = figure.subplots()
-        for (said, curve), colour in zip(curves, _COLOURS, strict=False):
-            left.plot(np.arange(len(curve)), curve, color=colour, label=said)
+        left.plot(np.arange(len(cost)), cost, color=_COLOURS[0])
         left.set_xlabel("step")
         left.set_ylabel("cost of the smooth controller")
         right = left.twinx()
         right.semilogy(np.arange(len(softness)), softness, color="#909090", linestyle=(0, (4, 3)))
         right.set_ylabel("softness", color="#707070")
         right.grid(False)
-        if len(curves) > 1:
-            figure.legend(loc="outside upper left", ncols=4)
 
     return picture(name, title, 2.8, draw)
 

@@ -1,41 +1,44 @@
-"""Controllers compared: a table and pictures, from the numbers that experiments/tuning/run.py keeps."""
+"""Table and pictures of the controllers that `run.py` compares, from its kept numbers alone."""
 
-import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from ...control.files import load_controller
-from ..figures.control.fuzzy import draw_descent, draw_ensemble
-from ..figures.control.tracking import draw_positions
-from ..figures.style import Picture
-from ..files import PathLike, write_bytes, write_text
-from .tuning import changed_pictures
-
-COMPARED = ("paper", "paper tuned", "extended tuned", "PID tuned, ZV", "LQR")
-"""Controllers that the pictures show."""
+COMPARED = {
+    "paper": "#0a6ebd",
+    "paper tuned": "#00805c",
+    "extended tuned": "#8a4f9e",
+    "PID tuned, ZV": "#dd6a00",
+    "LQR": "#3c3c3c",
+}
+"""Controllers that the pictures show, and their colours."""
 _MOVES = ("paper", "paper tuned", "extended tuned", "LQR")
+_MEASURES = {
+    "settling_load": ("load settled [s]", 1.0),
+    "residual_swing": ("swing left [deg]", 180 / np.pi),
+    "itae_x": ("ITAE of x [m s^2]", 1.0),
+}
+_POSITIONS = {
+    "x": ("cart position\nx [m]", 1.0),
+    "l": ("rope length\nl [m]", 1.0),
+    "psi": ("swing angle\npsi [deg]", 180 / np.pi),
+}
+_VOLTAGES = {"u_x": ("cart drive\nu_x [V]", 1.0), "u_l": ("hoist drive\nu_l [V]", 1.0)}
 
 
-def save_comparison(folder: PathLike, data: PathLike, tuned: PathLike) -> list[Path]:
-    """Writes `tuning-table.md` and `tuning-*.png`.
-
-    Args:
-        folder: where to.
-        data: the kept numbers, JSON.
-        tuned: folder of the controllers as TOML, as far as they are there.
-    """
-    target = Path(folder)
-    kept = json.loads(Path(data).read_text(encoding="utf-8"))
-    write_text(target / "tuning-table.md", table(kept))
-    drawn = pictures(kept, Path(tuned))
-    for picture in drawn:
-        write_bytes(target / f"{picture.name}.png", picture.png)
-    return [target / "tuning-table.md", *(target / f"{picture.name}.png" for picture in drawn)]
+def draw(kept: Mapping[str, Any], folder: Path) -> None:
+    """Writes `tuning-table.md` and `tuning-*.png`."""
+    (folder / "tuning-table.md").write_text(table(kept), encoding="utf-8")
+    for name, figure in pictures(kept).items():
+        figure.savefig(folder / f"tuning-{name}.png", dpi=110, metadata={"Software": None})
+        plt.close(figure)
 
 
 def _values(kept: Mapping[str, Any], name: str, course: str, key: str) -> NDArray[np.float64]:
@@ -100,8 +103,16 @@ def table(kept: Mapping[str, Any]) -> str:
             f"{fastest} (`python experiments/tuning/limit.py`); the reference that all controllers follow takes",
             f"{wanted}. It is a limit and no proposal: on the way the rope is {shortest:.0f} cm short and the load",
             f"swings by {widest:.0f} degrees.",
+            "",
+            "![The fastest moves](tuning-limit.png)",
         ]
     lines += [
+        "",
+        "![How many held-out bridges and moves stay below a value; what never settles is missing](tuning-ensemble.png)",
+        "",
+        "![The first move on the virtual rig](tuning-move-1.png)",
+        "",
+        "![The second move on the virtual rig](tuning-move-2.png)",
         "",
         f"Cost of a search with the textbook's inference, on the {learned} moves that it was given. A value with its",
         "gradient counts as five rollouts.",
@@ -146,51 +157,54 @@ def _aims(kept: Mapping[str, Any]) -> list[str]:
     return [f"| {measure} | {aim} | {measured} |" for measure, aim, measured in rows]
 
 
-def pictures(kept: Mapping[str, Any], tuned: Path) -> list[Picture]:
-    shown = [name for name in COMPARED if name in kept["controllers"]]
-    found = {
-        name: {key: _values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing", "itae_x")}
-        for name in shown
-    }
-    out = [
-        draw_ensemble(
-            "tuning-ensemble",
-            "{} held-out bridges, {} moves each".format(*next(iter(found.values()))["itae_x"].shape),
-            found,
-            {
-                "settling_load": ("load settled [s]", 1.0),
-                "residual_swing": ("swing left [deg]", 180 / np.pi),
-                "itae_x": ("ITAE of x [m s^2]", 1.0),
-            },
-            "How many stay below a value; a line that ends below 100 % has moves that never settle.",
-        )
-    ]
+def pictures(kept: Mapping[str, Any]) -> dict[str, plt.Figure]:
+    """The held-out bridges, both moves on the virtual rig, and the fastest moves, as far as they were computed."""
+    out = {"ensemble": _ensemble(kept)}
     for number in range(2):
-        runs = {}
-        for name in (name for name in _MOVES if name in kept["controllers"]):
-            run = kept["controllers"][name]["rig"][number]["run"]
-            runs[name] = {key: np.array(values, dtype=float) for key, values in run.items()}
+        shown = [name for name in _MOVES if name in kept["controllers"]]
+        runs = {name: kept["controllers"][name]["rig"][number]["run"] for name in shown}
         reference = kept["controllers"][shown[0]]["rig"][number]["reference"]
-        wanted = {key: np.array(values, dtype=float) for key, values in reference.items()}
-        title = f"Move {number + 1} on the virtual rig"
-        out.append(draw_positions(f"tuning-move-{number + 1}", title, wanted, runs))
-    for name, entry in kept.get("tuning", {}).items():
-        if name in ("paper tuned", "extended tuned") and "softness" in entry:
-            curve, softness = (np.array(entry[key], dtype=float) for key in ("history", "softness"))
-            said = f"{name.removesuffix(' tuned').capitalize()} rules: the way down"
-            out.append(draw_descent(f"tuning-descent-{name.split()[0]}", said, [("tuned", curve)], softness))
+        out[f"move-{number + 1}"] = _run(f"Move {number + 1} on the virtual rig", runs, _POSITIONS, reference)
     if "limit" in kept:
-        runs = {
-            f"move {number}, {move['seconds']:.2f} s": {key: np.array(values) for key, values in move["run"].items()}
-            for number, move in enumerate(kept["limit"], start=1)
-        }
+        runs = {f"move {k}, {move['seconds']:.2f} s": move["run"] for k, move in enumerate(kept["limit"], start=1)}
         title = "The fastest swing-free moves found, on the fitted model"
-        out.append(draw_positions("tuning-limit", title, {}, runs, volts=True))
-    for name in ("paper", "extended"):
-        files = [tuned / f"{name}.toml", tuned / f"{name}-tuned.toml"]
-        if all(path.exists() for path in files):
-            before, after = (load_controller(path).law for path in files)
-            for picture in changed_pictures("cart", before, after, f", {name} rules"):
-                kind = picture.name.removesuffix("-cart")
-                out.append(dataclasses.replace(picture, name=f"tuning-{kind}-{name}"))
+        out["limit"] = _run(title, runs, _POSITIONS | _VOLTAGES)
     return out
+
+
+def _ensemble(kept: Mapping[str, Any]) -> plt.Figure:
+    """How many bridges and moves stay below what: a panel for each measure, a line for each controller."""
+    figure, panels = plt.subplots(1, len(_MEASURES), figsize=(8.0, 3.5), layout="constrained")
+    for panel, (key, (label, factor)) in zip(panels, _MEASURES.items(), strict=True):
+        for name, colour in COMPARED.items():
+            if name in kept["controllers"]:
+                values = np.sort(factor * _values(kept, name, "held_out", key).ravel())  # never comes last
+                panel.step(
+                    values, 100 * np.arange(1, len(values) + 1) / len(values), where="post", color=colour, label=name
+                )
+        panel.set_xlabel(label)
+        panel.set_ylim(0, 101)
+    panels[0].set_ylabel("held-out bridges and moves [%]")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=5, fontsize=9)
+    return figure
+
+
+def _run(
+    title: str,
+    runs: Mapping[str, Mapping[str, list[float]]],
+    rows: Mapping[str, tuple[str, float]],
+    reference: Mapping[str, list[float]] | None = None,
+) -> plt.Figure:
+    """Signals over time, one panel each."""
+    figure, panels = plt.subplots(len(rows), 1, figsize=(8.0, 2.0 * len(rows)), sharex=True, layout="constrained")
+    for panel, (key, (label, factor)) in zip(panels, rows.items(), strict=True):
+        if reference and key in reference:
+            panel.plot(reference["t"], reference[key], color="#3c3c3c", alpha=0.5, lw=3.2, label="reference")
+        for (name, run), dashes in zip(runs.items(), ("-", "--", ":", "-."), strict=False):
+            panel.plot(run["t"], factor * np.array(run[key], float), dashes, color=COMPARED.get(name), label=name)
+        panel.set_ylabel(label)
+    panels[-1].set_xlabel("time [s]")
+    figure.suptitle(title, fontsize=11)
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=len(names), fontsize=9)
+    return figure

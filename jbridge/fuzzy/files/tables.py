@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from .._toml import Where, as_key, as_value, shown, word
-from .defuzzify import DEFUZZIFIERS
-from .inference import POINTS, Mamdani
-from .membership import MEMBERSHIPS, AbstractMembership, as_number, membership
-from .norms import NORMS
-from .rules import Rule, Variable, in_words, rule
+from ..._toml import Where, as_key, as_value, shown, word
+from ..defuzzify import DEFUZZIFIERS
+from ..inference import POINTS, Mamdani
+from ..membership import MEMBERSHIPS, AbstractMembership, as_number, membership
+from ..norms import NORMS
+from ..rules import Rule, Variable, in_words, rule
 
 _METHODS = {
     "conjunction": ("min", "prod"),
