@@ -12,24 +12,24 @@ import pytest
 
 from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery
-from jbridge.report.interactive import MOST_POINTS, interactive_part
+from jbridge.report.interactive import MOST_POINTS, report_data
 from tests import report_cases as cases
 
 ASSETS = Path(cases.__file__).parents[1] / "jbridge/report/assets"
 HOSTILE = '</script><script>document.title = "taken"</script>.csv'
 
 
-def numbers(part):
+def numbers(page):
     def refuse(name):
         raise AssertionError(f"{name} is not JSON")
 
-    (text,) = re.findall(r'<script type="application/json" id="report-data">(.*?)</script>', part, flags=re.S)
+    (text,) = re.findall(r'<script type="application/json" id="report-data">(.*?)</script>', page, flags=re.S)
     return json.loads(text, parse_constant=refuse)
 
 
 @pytest.mark.parametrize("case", ["missing_physics", "adequate", "unknown", "cart_alone"])
 def test_every_curve_is_finite_and_short(case):
-    data = numbers(interactive_part(getattr(cases, case)()))
+    data = report_data(getattr(cases, case)())
     assert data["recordings"]
     for run in data["recordings"]:
         assert 0 < len(run["t"]) <= MOST_POINTS
@@ -40,13 +40,13 @@ def test_every_curve_is_finite_and_short(case):
 def test_a_run_that_goes_astray_leaves_a_gap():
     trace = cases.traces()[2]
     astray = dataclasses.replace(trace, before={**trace.before, "x": np.full(trace.times.size, np.inf)})
-    data = numbers(interactive_part(dataclasses.replace(cases.missing_physics(), traces=(astray,))))
+    data = report_data(dataclasses.replace(cases.missing_physics(), traces=(astray,)))
     assert set(data["recordings"][0]["motion"]["before"]["x"]) == {None}
 
 
 def test_a_name_cannot_end_the_numbers():
     trace = dataclasses.replace(cases.traces()[2], recording=HOSTILE)
-    data = numbers(interactive_part(dataclasses.replace(cases.missing_physics(), traces=(trace,))))
+    data = numbers(diagnosis_page(dataclasses.replace(cases.missing_physics(), traces=(trace,)), Gallery()))
     assert data["recordings"][0]["name"].startswith(HOSTILE)
 
 

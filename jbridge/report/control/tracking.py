@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -20,15 +19,22 @@ from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
 from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
 from ..figures.style import Picture
 from ..files import PathLike, make_folder, write_bytes, write_text
-from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.html import Table, page
 from ..text.quantities import digits
 
 RUN = "run.csv"
 _NEVER = "not within the time"
-_EXPLAINED = (
-    "Settled: within 1 cm of the goal until the next move, counted from the move's start. Overshoot: as a share of the "
-    "way. Steady error and swing: over the last quarter of the rest. Travel: mean of |du/dt|. Sign changes: from "
-    "beyond 1 % of the drive's limit to beyond 1 % on the other side. At the limit: share of the time."
+_HEAD = (
+    "move",
+    "to x, l [m]",
+    "x and l settled [s]",
+    "load settled [s]",
+    "overshoot of x, l",
+    "steady error of x, l",
+    "swing left",
+    "travel of u_x, u_l [V/s]",
+    "sign changes of u_x, u_l",
+    "u_x, u_l at the limit",
 )
 
 
@@ -56,28 +62,19 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
     remarks = [sentence[0].upper() + sentence[1:] for sentence in unsettled(tracking)]
-    write_text(target / "control.html", _page(tracking, pictures, [*remarks, *silence(tracking, controller)]))
+    remarks += silence(tracking, controller)
+    moved = Table(_HEAD, _rows(tracking))
+    shown = page("control.html", tracking=tracking, moves=moved, remarks=remarks, pictures=pictures)
+    write_text(target / "control.html", shown)
     return target / "control.html"
 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
     rows = _rows(tracking)
-    head = (
-        "move",
-        "to x, l [m]",
-        "settled, s",
-        "load settled, s",
-        "overshoot x, l",
-        "steady error x, l",
-        "swing left",
-        "travel, V/s",
-        "sign changes",
-        "at the limit",
-    )
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    widths = [max(len(row[k]) for row in (_HEAD, *rows)) for k in range(len(_HEAD))]
     lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (_HEAD, *rows)
     ]
     lines = [*(f"Warning: {sentence}" for sentence in unsettled(tracking)), *lines, ""]
     if folder is not None:
@@ -174,36 +171,3 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
             )
         )
     return rows
-
-
-def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[str]) -> str:
-    head = (
-        "move",
-        "to x, l [m]",
-        "x and l settled [s]",
-        "load settled [s]",
-        "overshoot of x, l",
-        "steady error of x, l",
-        "swing left",
-        "travel of u_x, u_l [V/s]",
-        "sign changes of u_x, u_l",
-        "u_x, u_l at the limit",
-    )
-    title = f"{len(tracking.moves)} moves in {digits(tracking.times[-1])} s"
-    return page(
-        "Closed loop - jbridge",
-        [
-            element("header", tag("p", "The controller moves the load", "verdict") + tag("h1", title)),
-            section(
-                "How each move went",
-                table(head, _rows(tracking)),
-                tag(
-                    "p",
-                    _EXPLAINED,
-                    "soft",
-                ),
-                bullets(remarks, "warnings"),
-            ),
-            section("What happened", show_all(pictures)),
-        ],
-    )

@@ -19,8 +19,9 @@ from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemb
 from ..figures.control.tracking import draw_positions
 from ..figures.style import Picture
 from ..files import PathLike, make_folder, write_bytes, write_text
-from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.html import Table, page
 from ..text.quantities import digits
+from ..text.words import capital
 
 SHOWN: Mapping[str, tuple[str, str, float]] = {
     "settling_load": ("load settled", "s", 1.0),
@@ -44,11 +45,6 @@ _RESTLESS = {"chatter_x": 0.1, "chatter_l": 0.1, "sign_changes_x": 1.0, "sign_ch
 _SHOWN_ERROR = 0.2
 """How far from zero surfaces show the error, as a share of the larger scale."""
 _COURSES = {"train": "tuned on", "held_out": "held out"}
-_EXPLAINED = (
-    "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
-    "1 cm of the goal for the last half second at least, counted from the move's start; a move that does not settle "
-    "counts as longer than all. Held-out bridges and moves took no part in the tuning."
-)
 
 
 def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
@@ -187,19 +183,14 @@ def _spread(values: NDArray[np.float64]) -> str:
 
 def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
     before, after = tuning.costs["held_out"]
-    title = f"Cost on held-out bridges: {digits(before)} as given, {digits(after)} tuned"
     head, rows = _rows(tuning)
     moved = sorted(tuning.coordinates.items(), key=lambda item: -abs(item[1]))
     return page(
-        "Tuning - jbridge",
-        [
-            element("header", tag("p", "The controller is tuned", "verdict") + tag("h1", title)),
-            bullets([sentence[0].upper() + sentence[1:] for sentence in warnings(tuning)], "warnings"),
-            section("As given and tuned", table(head, rows, numbers=range(1, len(head))), tag("p", _EXPLAINED, "soft")),
-            section("What changed", show_all(pictures)),
-            section(
-                "How far each number was moved",
-                table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
-            ),
-        ],
+        "tune.html",
+        before=before,
+        after=after,
+        remarks=[capital(sentence) for sentence in warnings(tuning)],
+        measures=Table(head, rows, range(1, len(head))),
+        pictures=pictures,
+        moved=Table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
     )
