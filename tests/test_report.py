@@ -31,7 +31,6 @@ KEYS = {
     "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued", "missing_force",
     "holdout", "complete", "explained", "stopped",
 }  # fmt: skip
-HOSTILE = '<script>alert("&")</script>.csv'
 
 
 @pytest.fixture
@@ -173,41 +172,11 @@ class Elements(HTMLParser):
         assert self.open.pop() == tag
 
 
-def hostile():
-    """A diagnosis in which every text that may come from a file is markup."""
-    full = cases.missing_physics()
-    bad = HOSTILE
-    effect = dataclasses.replace(cases.DEAD_ZONE, kind=bad, site=bad, statement=bad, parameters={bad: LEVEL})
-    return dataclasses.replace(
-        full,
-        statement=bad,
-        location=dataclasses.replace(
-            full.location,
-            site=bad,
-            sites={bad: 1.0},
-            where=(dataclasses.replace(full.location.where[0], variable=bad),),
-            when=(dataclasses.replace(full.location.when[0], recording=bad),),
-        ),
-        effects=(effect,),
-        holdout=(bad,),
-        traces=(dataclasses.replace(full.traces[0], recording=bad),),
-        trials=({"kind": bad, "site": bad, bad: bad},),
-        next_experiment=dataclasses.replace(full.next_experiment, purpose=bad, separates=(bad,)),
-        warnings=(bad,),
-        notes=(bad,),
-        settings={bad: bad},
-        bridge={**full.bridge, bad: dataclasses.replace(LEVEL, unit=bad)},
-    )
-
-
-LEVEL = Estimate(1.0, 0.1, 0.8, 1.2, "N")
-
-
 def test_text_from_files_is_escaped(tmp_path):
-    page = save_report(tmp_path, hostile()).read_text(encoding="utf-8")
+    page = save_report(tmp_path, cases.hostile()).read_text(encoding="utf-8")
     # Of scripts there are the page's own three: its numbers, the plots and what joins them.
     assert len(re.findall(r"<script\b", page)) == page.count("</script>") == 3
-    assert HOSTILE not in page
+    assert cases.HOSTILE not in page
     assert page.count("&lt;script&gt;") > 10
 
 
@@ -228,7 +197,7 @@ def test_page_is_whole_and_needs_nothing_from_outside(case):
 
 def test_a_page_obeys_its_own_policy(tmp_path):
     """Nothing but its own style sheet and pictures within it is let in (Content Security Policy Level 3)."""
-    text = save_report(tmp_path, cases.brief(hostile())).read_text(encoding="utf-8")
+    text = save_report(tmp_path, cases.brief(cases.hostile())).read_text(encoding="utf-8")
     found = Elements(text).found
     policy = next(attrs["content"] for tag, attrs in found if attrs.get("http-equiv") == "Content-Security-Policy")
     allowed = dict(directive.strip().split(" ", 1) for directive in policy.split(";"))
