@@ -23,6 +23,7 @@ from jbridge.report.figures.gallery import Gallery, diagnosis_gallery
 from jbridge.report.files import check_output, write_text
 from jbridge.report.text.quantities import shown, shown_entries
 from jbridge.report.text.rows import error_rows, parts
+from jbridge.report.text.tables import Table
 from tests import report_cases as cases
 
 VERDICTS = ["missing_physics", "adequate", "unknown"]
@@ -396,3 +397,17 @@ def test_numbers_of_any_kind_become_json():
     trials = ({"kind": "x", "array": np.arange(2), "set": {"b", "a"}, "flag": np.bool_(True), "inf": np.inf},)
     report = parsed(report_json(dataclasses.replace(cases.adequate(), trials=trials)))
     assert report["trials"] == [{"kind": "x", "array": [0, 1], "set": ["a", "b"], "flag": True, "inf": None}]
+
+
+def test_tables_fit_the_terminal_and_lose_nothing():
+    words = ["a name of a controller that goes on", "[bold]0.123456 mm[/bold]", "never (12 of 34)", "1, 2, 3", "y" * 90]
+    shown = Table(["controller", *(f"measure {k} [mm]" for k in range(4))], [words, words], (1, 2))
+    for lines in (shown.lines(), shown.turned()):
+        assert max(map(len, lines)) <= 80
+        letters = "".join("".join(lines).split())
+        assert letters.count("y") >= 180  # what is wider than its column goes on below
+    assert Table(("a", "b"), [("[red]", "1.5 mm"), ("z", "12 mm")], (1,)).lines() == [
+        "a           b",
+        "[red]  1.5 mm",
+        "z       12 mm",
+    ]

@@ -19,8 +19,9 @@ from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
 from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
 from ..figures.style import Picture
 from ..files import PathLike, make_folder, write_bytes, write_text
-from ..text.html import Table, page
+from ..text.html import page
 from ..text.quantities import digits
+from ..text.tables import Table
 
 RUN = "run.csv"
 _NEVER = "not within the time"
@@ -71,12 +72,8 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
-    rows = _rows(tracking)
-    widths = [max(len(row[k]) for row in (_HEAD, *rows)) for k in range(len(_HEAD))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (_HEAD, *rows)
-    ]
-    lines = [*(f"Warning: {sentence}" for sentence in unsettled(tracking)), *lines, ""]
+    warned = [f"Warning: {sentence}" for sentence in unsettled(tracking)]
+    lines = [*warned, *Table(_HEAD, _rows(tracking)).turned()]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"

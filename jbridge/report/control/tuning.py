@@ -1,6 +1,7 @@
 """What `tune` leaves: the tuned controller, how it compares, and the pictures."""
 
 import json
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemb
 from ..figures.control.tracking import draw_positions
 from ..figures.style import Picture
 from ..files import PathLike, make_folder, write_bytes, write_text
-from ..text.html import Table, page
+from ..text.html import page
 from ..text.quantities import digits
+from ..text.tables import WIDTH, Table
 from ..text.words import capital
 
 SHOWN: Mapping[str, tuple[str, str, float]] = {
@@ -107,11 +109,8 @@ def warnings(tuning: Tuning) -> list[str]:
 def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     """How the tuned controller compares, as a table for the terminal."""
     head, rows = _rows(tuning)
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
-    ]
-    lines = [*(f"Warning: {sentence}" for sentence in warnings(tuning)), *lines]
+    warned = [line for sentence in warnings(tuning) for line in textwrap.wrap(f"Warning: {sentence}", WIDTH)]
+    lines = [*warned, *Table(head, rows).lines()]
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]

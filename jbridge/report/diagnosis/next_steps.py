@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 
 from ...diagnosis.result import Continued, NotSeen
-from ..text.html import Table
 from ..text.quantities import UNKNOWN, digits, join_unit, percent, scale_for
+from ..text.tables import Table
 from ..text.words import capital, effect_name
 
 

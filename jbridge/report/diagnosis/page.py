@@ -9,9 +9,10 @@ from ...diagnosis.result import Diagnosis, NamedEffect
 from ...model.names import site_name
 from ..figures.gallery import Gallery, diagnosis_signals
 from ..interactive import report_data
-from ..text.html import Table, errors_table, page, parameter_tables, piece
+from ..text.html import page, piece
 from ..text.quantities import UNKNOWN, percent, shown
 from ..text.rows import error_rows, error_text, is_changed
+from ..text.tables import Table, errors_table, parameter_tables
 from ..text.words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, heading
 from .next_steps import decided_table, limits_table
 from .places import when_sentences, where_sentences

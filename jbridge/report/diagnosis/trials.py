@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...model.names import spaced
-from ..text.html import Table
 from ..text.quantities import UNKNOWN, digits
+from ..text.tables import Table
 from ..text.words import effect_name
 
 
