@@ -1,3 +1,4 @@
+from ._progress import ProgressBar as ProgressBar
 from ._types import Axes as Axes
 from ._version import __version__ as __version__
 from .compilation.settings import set_up as set_up

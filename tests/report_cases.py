@@ -29,6 +29,7 @@ from jbridge.model.effects.friction import CoulombFriction
 from jbridge.model.files import Model
 from jbridge.model.plant import Plant
 
+HOSTILE = '</script><script>document.title = "taken"</script>&.csv'
 NOISE = {"x": 5e-5, "psi": 4.5e-4, "l": 6e-5}
 _GAIN, _MASS, _DAMPING, _FRICTION, _DEAD = 16.0, 5.6, 45.0, 3.0, 0.30
 _STEP, _DURATION = 5e-3, 12.0
@@ -394,4 +395,31 @@ def fitted(holdout=True):
         traces=full.traces,
         window=2.0,
         seconds=7.9,
+    )
+
+
+def hostile():
+    """A diagnosis in which every text that may come from a file is markup."""
+    full, level = missing_physics(), Estimate(1.0, 0.1, 0.8, 1.2, "N")
+    bad = HOSTILE
+    effect = dataclasses.replace(DEAD_ZONE, kind=bad, site=bad, statement=bad, parameters={bad: level})
+    return dataclasses.replace(
+        full,
+        statement=bad,
+        location=dataclasses.replace(
+            full.location,
+            site=bad,
+            sites={bad: 1.0},
+            where=(dataclasses.replace(full.location.where[0], variable=bad),),
+            when=(dataclasses.replace(full.location.when[0], recording=bad),),
+        ),
+        effects=(effect,),
+        holdout=(bad,),
+        traces=(dataclasses.replace(full.traces[0], recording=bad),),
+        trials=({"kind": bad, "site": bad, bad: bad},),
+        next_experiment=dataclasses.replace(full.next_experiment, purpose=bad, separates=(bad,)),
+        warnings=(bad,),
+        notes=(bad,),
+        settings={bad: bad},
+        bridge={**full.bridge, bad: dataclasses.replace(level, unit=bad)},
     )

@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"_display", "compilation"},
+    {"_display", "_progress", "compilation"},
     {"_math", "_types", "_version", "errors"},
     {"_files", "_toml", "cluster"},
     {"recordings", "trajectory"},

@@ -41,7 +41,7 @@ def rigs(tmp_path):
 def test_every_folder_has_a_report_and_a_row(rigs, monkeypatch, capsys):
     given = []
 
-    def canned(model, recordings, holdout, budget):
+    def canned(model, recordings, holdout, budget, progress):
         given.append(([r.name for r in recordings], [r.name for r in holdout], sorted(model.given)))
         return cart_alone()
 

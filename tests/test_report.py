@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import hashlib
+import html
 import json
 import math
 import os
@@ -22,6 +23,7 @@ from jbridge.report.figures.gallery import Gallery, diagnosis_gallery
 from jbridge.report.files import check_output, write_text
 from jbridge.report.text.quantities import shown, shown_entries
 from jbridge.report.text.rows import error_rows, parts
+from jbridge.report.text.tables import Table
 from tests import report_cases as cases
 
 VERDICTS = ["missing_physics", "adequate", "unknown"]
@@ -30,7 +32,6 @@ KEYS = {
     "bridge", "settings", "seconds", "trials", "warnings", "notes", "not_seen", "continued", "missing_force",
     "holdout", "complete", "explained", "stopped",
 }  # fmt: skip
-HOSTILE = '<script>alert("&")</script>.csv'
 
 
 @pytest.fixture
@@ -172,41 +173,11 @@ class Elements(HTMLParser):
         assert self.open.pop() == tag
 
 
-def hostile():
-    """A diagnosis in which every text that may come from a file is markup."""
-    full = cases.missing_physics()
-    bad = HOSTILE
-    effect = dataclasses.replace(cases.DEAD_ZONE, kind=bad, site=bad, statement=bad, parameters={bad: LEVEL})
-    return dataclasses.replace(
-        full,
-        statement=bad,
-        location=dataclasses.replace(
-            full.location,
-            site=bad,
-            sites={bad: 1.0},
-            where=(dataclasses.replace(full.location.where[0], variable=bad),),
-            when=(dataclasses.replace(full.location.when[0], recording=bad),),
-        ),
-        effects=(effect,),
-        holdout=(bad,),
-        traces=(dataclasses.replace(full.traces[0], recording=bad),),
-        trials=({"kind": bad, "site": bad, bad: bad},),
-        next_experiment=dataclasses.replace(full.next_experiment, purpose=bad, separates=(bad,)),
-        warnings=(bad,),
-        notes=(bad,),
-        settings={bad: bad},
-        bridge={**full.bridge, bad: dataclasses.replace(LEVEL, unit=bad)},
-    )
-
-
-LEVEL = Estimate(1.0, 0.1, 0.8, 1.2, "N")
-
-
 def test_text_from_files_is_escaped(tmp_path):
-    page = save_report(tmp_path, hostile()).read_text(encoding="utf-8")
+    page = save_report(tmp_path, cases.hostile()).read_text(encoding="utf-8")
     # Of scripts there are the page's own three: its numbers, the plots and what joins them.
     assert len(re.findall(r"<script\b", page)) == page.count("</script>") == 3
-    assert HOSTILE not in page
+    assert cases.HOSTILE not in page
     assert page.count("&lt;script&gt;") > 10
 
 
@@ -221,13 +192,13 @@ def test_page_is_whole_and_needs_nothing_from_outside(case):
     assert [attrs for tag, attrs in elements.found if tag == "script" and "src" in attrs] == []
     assert not re.search(r"(src|href)=\"(?!data:)|url\(|@import", text)
     assert tags.index("h1") < tags.index("h2")  # the verdict comes first
-    assert diagnosis.statement.replace("'", "&#x27;") in text
+    assert diagnosis.statement in html.unescape(text)
     assert "nan" not in re.sub(r"<(style|script)\b.*?</\1>", "", text, flags=re.S).lower().split()
 
 
 def test_a_page_obeys_its_own_policy(tmp_path):
     """Nothing but its own style sheet and pictures within it is let in (Content Security Policy Level 3)."""
-    text = save_report(tmp_path, cases.brief(hostile())).read_text(encoding="utf-8")
+    text = save_report(tmp_path, cases.brief(cases.hostile())).read_text(encoding="utf-8")
     found = Elements(text).found
     policy = next(attrs["content"] for tag, attrs in found if attrs.get("http-equiv") == "Content-Security-Policy")
     allowed = dict(directive.strip().split(" ", 1) for directive in policy.split(";"))
@@ -426,3 +397,17 @@ def test_numbers_of_any_kind_become_json():
     trials = ({"kind": "x", "array": np.arange(2), "set": {"b", "a"}, "flag": np.bool_(True), "inf": np.inf},)
     report = parsed(report_json(dataclasses.replace(cases.adequate(), trials=trials)))
     assert report["trials"] == [{"kind": "x", "array": [0, 1], "set": ["a", "b"], "flag": True, "inf": None}]
+
+
+def test_tables_fit_the_terminal_and_lose_nothing():
+    words = ["a name of a controller that goes on", "[bold]0.123456 mm[/bold]", "never (12 of 34)", "1, 2, 3", "y" * 90]
+    shown = Table(["controller", *(f"measure {k} [mm]" for k in range(4))], [words, words], (1, 2))
+    for lines in (shown.lines(), shown.turned()):
+        assert max(map(len, lines)) <= 80
+        letters = "".join("".join(lines).split())
+        assert letters.count("y") >= 180  # what is wider than its column goes on below
+    assert Table(("a", "b"), [("[red]", "1.5 mm"), ("z", "12 mm")], (1,)).lines() == [
+        "a           b",
+        "[red]  1.5 mm",
+        "z       12 mm",
+    ]

@@ -46,9 +46,12 @@ def test_the_rival_to_take_settles_the_most_moves():
     calm = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": 3.0}, travel={"x": 1.0, "l": 0.0})
     never = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": None})
     said = describe_rivals({"never": never, "calm": calm, "quick": quick})
-    assert "Take quick: on this model it settles 1 of 1 moves, in 2.00 s on average." in said
-    assert "calm settles as many with 25% of the travel of u_x." in said
-    assert [line.split()[0] for line in said.splitlines()[1:4]] == ["never", "calm", "quick"]
+    lines, text = said.splitlines(), " ".join(said.split())
+    assert max(map(len, lines)) <= 80
+    assert "Take quick: on this model it settles 1 of 1 moves, in 2.00 s on average." in text
+    assert "calm settles as many with 25% of the travel of u_x." in text
+    assert lines[0].split() == ["controller", "never", "calm", "quick"]
+    assert lines[2].split() == ["load", "settled,", "s", "never", "3.00", "2.00"]
     assert "take none" in describe_rivals({"never": never})
 
 

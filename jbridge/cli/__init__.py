@@ -43,11 +43,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return 0
     except InputError as error:
-        console.clear()
+        console.bar.clear()
         print(f"jbridge: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        console.clear()
+        console.bar.clear()
         print("jbridge: interrupted; files that were finished are whole", file=sys.stderr)
         return 130
     except BrokenPipeError:
@@ -57,12 +57,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        console.clear()
+        console.bar.clear()
         print(f"jbridge: {error.strerror}; make room, and call again; finished files are whole", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the interpreter's last flush, as above
         return 2
     finally:
-        console.clear()
+        console.bar.clear()
 
 
 class _Version(argparse.Action):

@@ -25,7 +25,8 @@ def add(commands: Commands) -> None:
     """Adds the command to the parser."""
     check = command(commands, "check", "what recordings are read as, and can tell", _HELP, run)
     check.usage = (
-        "jbridge check [-h] [--out DIR] [--force] [--no-cache] [--json | --quiet] [MODEL.toml] REC.csv [REC.csv ...]"
+        "jbridge check [-h] [--out DIR] [--force] [--no-cache] [--json | --quiet]\n"
+        "                     [MODEL.toml] REC.csv [REC.csv ...]"
     )
     check.epilog = "example:\n  jbridge check model.toml monday-*.csv --out checked"
     check.add_argument("files", metavar="[MODEL.toml] REC.csv", nargs="+", help=f"{RECORDING}; a model may come first")

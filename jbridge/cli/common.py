@@ -4,9 +4,6 @@ import argparse
 import importlib.util
 import json
 import math
-import shutil
-import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
@@ -21,39 +18,20 @@ OUT = "folder for the results; files in it are replaced one by one"
 
 
 class Console:
-    """What a command shows: on a terminal one line that says what is going on and for how long, and in the end what it
-    found, as text or as one JSON object."""
+    """What a command shows: while it runs what is going on, in the end what it found, as text or as one JSON object."""
 
     def __init__(self) -> None:
-        self._stream = sys.stderr
-        self._shown = self._stream.isatty()
-        self._start = time.monotonic()
         self._style = "text"
-        self.most: float | None = None
-        """Time after which the command will be done [s], where that is known."""
+        self.bar = jbridge.ProgressBar()
 
     def set_style(self, style: str) -> None:
         """From now on `text`, `json`, or `quiet`: nothing but errors."""
         self._style = style
-        self._shown = self._shown and style != "quiet"
+        self.bar = jbridge.ProgressBar(shown=style != "quiet")
 
     def __call__(self, message: str) -> None:
         """Shows what is going on."""
-        if self._shown:
-            spent = f"{time.monotonic() - self._start:4.0f} s"
-            if self.most is not None:
-                spent += f" of {self.most:.0f} s at most"
-            line = f"{spent}  {' '.join(message.split())}"
-            # A line that wraps could not be taken back.
-            width = shutil.get_terminal_size().columns - 1
-            self._stream.write(f"\r\x1b[K{line[:width]}")
-            self._stream.flush()
-
-    def clear(self) -> None:
-        """Takes the line back."""
-        if self._shown:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
+        self.bar(message)
 
     def show(self, text: str, found: Callable[[], Mapping[str, Any]]) -> None:
         """Shows what was found.
@@ -62,7 +40,7 @@ class Console:
             text: for people.
             found: the same for programs; asked only where it is wanted.
         """
-        self.clear()
+        self.bar.clear()
         if self._style == "json":
             print(json.dumps(_without_nan(found())))
         elif self._style == "text":

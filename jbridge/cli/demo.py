@@ -10,9 +10,9 @@ import jbridge
 from .common import OUT, Commands, Console, command, written
 
 _HELP = """\
-Diagnoses recordings that come with jbridge. Another simulator (MuJoCo) made them
-with an effect that the model does not know of and the diagnosis is not told;
---reveal prints it. DIR receives what `jbridge diagnose` writes.
+Diagnoses recordings that come with jbridge. Another simulator (MuJoCo) made
+them with an effect that the model does not know of and the diagnosis is not
+told; --reveal prints it. DIR receives what `jbridge diagnose` writes.
 """
 _DATA = "demo_data"
 

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import math
 
 import jbridge
 from jbridge import InputError
@@ -25,9 +26,9 @@ input that would separate them. Play it, and call the same command again with
 the new recording behind --with: the diagnosis goes on from the report in DIR.
 
 With --each, every folder of recordings is diagnosed on its own: files called
-holdout* are its proof, and a model.toml in it takes the place of MODEL.toml. DIR
-receives a folder with the report of each, and each.csv with what was found. Called
-again, it goes on where it stopped.
+holdout* are its proof, and a model.toml in it takes the place of MODEL.toml.
+DIR receives a folder with the report of each, and each.csv with what was found.
+Called again, it goes on where it stopped.
 """
 
 
@@ -36,7 +37,7 @@ def add(commands: Commands) -> None:
     diagnose = command(commands, "diagnose", "why recordings and simulation differ", _HELP, run)
     diagnose.epilog = (
         "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report\n"
-        "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --with wednesday-1.csv --out report\n"
+        "  jbridge diagnose model.toml monday-*.csv --with wednesday-1.csv --out report\n"
         "  jbridge diagnose model.toml --each rig-1 rig-2 rig-3 --out reports"
     )
     add_recordings(diagnose, least=0)
@@ -72,7 +73,6 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     former = jbridge.load_former(arguments.out) if arguments.new else None
     model, recordings, holdout = loaded(arguments, console)
     count = len(recordings) - len(arguments.new)
-    console.most = arguments.budget
     result = jbridge.diagnose(
         model,
         recordings[:count],
@@ -111,7 +111,10 @@ def _each(arguments: argparse.Namespace, console: Console) -> None:
 
 def _budget(text: str) -> float:
     """A time that a diagnosis can do something with."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 1.0 <= value < 1e6:
         raise argparse.ArgumentTypeError(f"{text}: give seconds, at least 1")
     return value

@@ -14,8 +14,8 @@ parameters of model, controller and reference.
 
 DIR receives part-*.parquet (a row for each rollout: its parameters and how the
 move went) and nothing else, so that it reads as one table. DIR.sweep.json has
-units, versions, seed and what was asked, DIR.failures.csv what ran away. A sweep
-that was interrupted goes on where it stopped when it is called again.
+units, versions, seed and what was asked, DIR.failures.csv what ran away. A
+sweep that was interrupted goes on where it stopped when it is called again.
 """
 
 

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from .._progress import Step, silent, with_progress
 from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import Problem, fit_structure, make_problem
@@ -47,6 +48,7 @@ takes one more."""
 
 
 @one_thread_each
+@with_progress
 def diagnose(
     model: Model,
     recordings: Sequence[Recording],
@@ -68,7 +70,7 @@ def diagnose(
         new: further runs from which everything is chosen, made since an earlier diagnosis; never held out.
         former: that diagnosis.
         budget: time for all of it [s]. A search that it cuts short reports what was found by then.
-        progress: told what goes on, a short text at a time.
+        progress: told what goes on, a short text at a time; by default a bar on a terminal or in a notebook.
 
     Returns:
         Verdict, place, named effects with intervals, and the errors before and after on the hold-out. After an
@@ -78,7 +80,10 @@ def diagnose(
         InputError: model and recordings do not go together.
     """
     begun = time.monotonic()
-    tell = progress or (lambda text: None)
+
+    def tell(text: str) -> None:
+        (progress or silent)(Step(text, most=budget))
+
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
         recordings, holdout, note = split_off(recordings)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .._progress import silent, with_progress
 from ..compilation.threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
@@ -25,6 +26,7 @@ from .uncertainty import as_uncertainty, covariance, estimates, warnings
 
 
 @one_thread_each
+@with_progress
 def fit(
     model: Model,
     recordings: Sequence[Recording],
@@ -42,7 +44,7 @@ def fit(
         window: fits windows of this length [s] alone, each from a state of its own, in place of windows of several
             lengths and whole recordings. Where a free run measures luck (a motor in current mode is a double
             integrator, a creeping one may stick or not), short windows tell the forces more truly.
-        progress: told what goes on, a short text at a time.
+        progress: told what goes on, a short text at a time; by default a bar on a terminal or in a notebook.
 
     Returns:
         The fitted model with 95 % intervals and free-run errors.
@@ -51,7 +53,7 @@ def fit(
         InputError: model and recordings do not go together, or the window is shorter than ten samples.
     """
     begun = time.perf_counter()
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
     model, setting, told = prepared(model, recordings, holdout)
     notes = (*notes, *told)
@@ -118,6 +120,7 @@ class Starts:
         return self.ratios <= (1.0 + within) * np.nanmin(self.ratios)
 
 
+@with_progress
 def fit_from_many(  # noqa: PLR0913
     model: Model,
     recordings: Sequence[Recording],
@@ -139,13 +142,12 @@ def fit_from_many(  # noqa: PLR0913
         window: length of the windows that are fitted [s]; None fits whole recordings, which has more local minima.
         iterations: most steps of each.
         seed: of the starts.
-        progress: told what goes on.
+        progress: told what goes on; by default a bar on a terminal or in a notebook.
 
     Raises:
         InputError: model and recordings do not go together.
     """
-    if progress is not None:
-        progress(f"fitting from {starts} starts")
+    (progress or silent)(f"fitting from {starts} starts")
     setting = make_setting(model, recordings, ()).thinned()
     plant = resolve(model.plant, setting.length)
     problem = make_problem(setting, make_data(setting.recordings, (np.inf if window is None else window,)))

@@ -11,7 +11,7 @@ from ..identification.identifiability import Identifiability
 from ..recordings import Inspection, Recording
 from .figures.recordings import draw_recordings
 from .files import PathLike, alone_in_folder, write_bytes, write_text
-from .text.html import element, page, section, show_all, tag
+from .text.html import page
 from .text.quantities import digits, join_unit, percent, scale_for
 from .text.rows import error_text
 from .text.words import CHANNELS
@@ -70,12 +70,7 @@ def save_check(folder: PathLike, inspections: Sequence[Inspection], text: str) -
     pictures = draw_recordings("check", [each.recording for each in inspections if each.recording is not None])
     for picture in pictures:
         write_bytes(target / f"{picture.name}.png", picture.png)
-    body = [
-        element("header", tag("p", "Recordings before a fit", "verdict") + tag("h1", text.partition("\n")[0])),
-        section("What was read", tag("pre", text)),
-        section("Signals", show_all(pictures)),
-    ]
-    write_text(target / "check.html", page("Checked recordings - jbridge", body))
+    write_text(target / "check.html", page("check.html", text=text, pictures=pictures))
     return target / "check.html"
 
 

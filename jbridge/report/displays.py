@@ -12,12 +12,12 @@ from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Estimate, Fit
 from ..prediction import Simulation
 from ..recordings import save_csv
-from .diagnosis.page import diagnosis_summary, errors_table
+from .diagnosis.page import diagnosis_summary
 from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
 from .files import PathLike, make_folder
 from .fit_page import fit_summary
 from .save import save_fit, save_report
-from .text.html import show, tag
+from .text.html import piece
 from .text.quantities import digits
 from .text.rows import error_rows, parts
 from .text.terminal import diagnosis_in_short, fit_in_short
@@ -74,8 +74,8 @@ def _(result: Simulation) -> str:
 
 @html.register
 def _(result: Simulation) -> str:
-    errors = errors_table(None, result.errors, {}) if result.errors else ""
-    return tag("p", text(result).partition("\n")[0]) + errors + show(simulation_signals(result))
+    sentence, picture = text(result).partition("\n")[0], simulation_signals(result)
+    return piece("simulation_summary.html", sentence=sentence, errors=result.errors, picture=picture)
 
 
 @figure.register

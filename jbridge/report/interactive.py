@@ -1,8 +1,6 @@
 """The part of the page that moves: linked curves and a replay, drawn by `assets/report.js` from numbers in the page."""
 
-import json
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -19,25 +17,6 @@ from .text.words import CHANNELS, capital, effect_name, input_units
 MOST_POINTS = 2000
 """Points of a curve at most."""
 _DEGREES = 180.0 / np.pi
-
-
-def assets() -> tuple[str, tuple[str, ...]]:
-    """The style sheet of the plots, and the scripts of the page in the order in which they run."""
-    folder = files(__package__).joinpath("assets")
-    texts = [
-        folder.joinpath(name).read_text(encoding="utf-8") for name in ("uplot.min.css", "uplot.min.js", "report.js")
-    ]
-    return texts[0], (texts[1], texts[2])
-
-
-def interactive_part(diagnosis: Diagnosis) -> str:
-    """Controls, and the numbers that they show as JSON; nothing where there are no recordings to show."""
-    if not diagnosis.traces:
-        return ""
-    # A `<` could end the element that holds the numbers.
-    numbers = json.dumps(report_data(diagnosis), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    controls = files(__package__).joinpath("assets", "controls.html").read_text(encoding="utf-8")
-    return f'{controls}<script type="application/json" id="report-data">{numbers}</script>'
 
 
 def report_data(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from .._files import create_text, read_json, replace_text, replacing
+from .._progress import Step, silent, with_progress
 from ..cluster import on_workers
 from ..errors import InputError
 from ..model.parameters import ParameterTable
@@ -54,6 +55,7 @@ class SweepResult:
     seconds: float
 
 
+@with_progress
 def run_sweep(
     question: Sweep,
     folder: str | os.PathLike[str],
@@ -71,7 +73,7 @@ def run_sweep(
         workers: processes of `dask.distributed` on this machine; one that dies is replaced. With 0, and for a single
             chunk, this process computes.
         scheduler: address of a running scheduler of `dask.distributed`, whose workers see the same folder.
-        progress: told how far it is, how fast, and how long it still takes.
+        progress: told how far it is, and how fast; by default a bar on a terminal or in a notebook.
 
     Raises:
         InputError: the folder holds the results of another question, or cannot be written; `dask.distributed` is not
@@ -79,7 +81,7 @@ def run_sweep(
     """
     begun = time.perf_counter()
     target = Path(folder)
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     chunks = _chunks(question)
     _refuse_others(target, question)
     missing = [number for number in range(chunks) if not _part(target, number).exists()]
@@ -90,7 +92,7 @@ def run_sweep(
         for done in _computed(question, target.absolute(), missing, workers, scheduler):
             computed += done
             rate = computed / max(time.perf_counter() - start, 1e-9)
-            tell(f"{computed:,} rollouts, {rate:,.0f} a second, {_duration((total - computed) / rate)} left")
+            tell(Step(f"{computed:,} rollouts, {rate:,.0f} a second", done=computed / total))
     failed = _conclude(target, question, chunks)
     return SweepResult(target, question.design.count, failed, computed, time.perf_counter() - begun)
 
@@ -247,9 +249,3 @@ def _conclude(folder: Path, question: Sweep, chunks: int) -> int:
             failed += len(bad)
     replace_text(_beside(folder, "sweep.json"), json.dumps(_about(question) | {"failed": failed}, indent=1) + "\n")
     return failed
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(int(seconds + 0.5), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"

@@ -11,6 +11,7 @@ import numpy as np
 import optax
 from numpy.typing import NDArray
 
+from .._progress import Step, silent, with_progress
 from ..control.base import AbstractController
 from ..control.files import Controller
 from ..errors import InputError
@@ -69,6 +70,7 @@ class Tuning:
     seconds: float
 
 
+@with_progress
 def tune(  # noqa: PLR0913
     model: Model,
     controller: Controller,
@@ -102,14 +104,14 @@ def tune(  # noqa: PLR0913
             start with random scales or gains alone; after a fifth of the steps only the best goes on.
         scatter: how far bridges lie from the model where it does not say how certain it is; see `scattered`.
         seed: of bridges, moves and starts.
-        progress: told what goes on, a short text at a time.
+        progress: told what goes on, a short text at a time; by default a bar on a terminal or in a notebook.
 
     Raises:
         InputError: the model lacks a part of the bridge.
         TypeError: the controller has nothing that can be tuned.
     """
     begun = time.perf_counter()
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     requires(model, ("x", "psi", "l"))
     if min(plants, held_out, steps, starts) < 1 or seed < 0:
         raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
@@ -209,6 +211,7 @@ def descend(
     adam = optax.chain(optax.clip_by_global_norm(1.0), optax.scale_by_adam())
     trial = max(1, steps // _TRIAL) if starts > 1 else steps
     rollouts, every = 0, max(1, steps // _JUDGED)
+    taken, all_steps = 0, starts * trial + steps - trial
     found: list[tuple[float, NDArray[np.float64]]] = []
 
     def judge(z: NDArray[np.float64]) -> float:
@@ -220,14 +223,15 @@ def descend(
         return found[-1][0]
 
     def go(z: NDArray[np.float64], state: _State, first: int, last: int, which: str) -> Any:
-        nonlocal rollouts
+        nonlocal rollouts, taken
         course = []
         for step in range(first, last):
             values, slopes = cost.gradients(z, float(softness[step]))
             rollouts += cost.count
+            taken += 1
             course.append(float(np.mean(values)))
             if step % 10 == 0:
-                tell(f"step {step} of {steps}{which}: cost {course[-1]:.3g}")
+                tell(Step(f"step {step} of {steps}{which}: cost {course[-1]:.3g}", done=taken / all_steps))
             if step % every == every - 1 and step > first:
                 before = cost.smooth(state.best, float(softness[step]))
                 rollouts += cost.count

@@ -9,15 +9,19 @@
     return made;
   };
   const format = (value) => (value == null ? "–" : String(Number(value.toPrecision(4))));
-  const axis = (label, more) => ({ label, stroke: colour("--ink"), grid: { stroke: colour("--line") }, ...more });
+  const axis = (label, more) => {
+    const thin = { stroke: colour("--line"), width: 1 };
+    return { label, stroke: colour("--ink"), grid: thin, ticks: thin, ...more };
+  };
   const line = (label, name, more) => ({
     label, stroke: colour(name), width: 1.5, spanGaps: true, value: (_, value) => format(value), ...more,
   });
   const width = (place) => Math.max(place.clientWidth, 240);
+  const HEIGHT = 220, UPRIGHT = { size: 62, space: 24, values: (_, ticks) => ticks.map((tick) => (tick == null ? "" : String(Number(tick.toPrecision(3))))) };
   let plots = [], panels = [], current = 0, time = 0, playing = false, last = null;
 
   function plot(place, columns, options) {
-    const made = new uPlot({ width: width(place), height: 200, ...options }, columns, place);
+    const made = new uPlot({ width: width(place), height: HEIGHT, ...options }, columns, place);
     plots.push({ made, place });
     return made;
   }
@@ -30,18 +34,25 @@
     zoom.busy = false;
   }
 
+  // What overlaid curves hide.
+  function difference({ label, curves: [recorded, ...simulated] }) {
+    if (!simulated.length) return [];
+    const less = (value, k) => (value == null || recorded.values[k] == null ? null : value - recorded.values[k]);
+    return [{ label: `less recorded ${label.slice(label.indexOf("["))}`, curves: simulated.map((curve) => ({ ...curve, values: curve.values.map(less) })) }];
+  }
+
   function recordings() {
     const place = find("panels");
     panels.forEach((chart) => chart.destroy());
     plots = plots.filter(({ place: other }) => other !== place);
     panels = [];
     const run = data.recordings[current];
-    for (const panel of run.panels) {
+    for (const panel of run.panels.flatMap((panel) => [panel, ...difference(panel)])) {
       const chart = plot(place, [run.t, ...panel.curves.map((curve) => curve.values)], {
         scales: { x: { time: false } },
         cursor: { sync: { key: "recordings" } },
-        axes: [axis("time [s]"), axis(panel.label, { size: 62 })],
-        series: [line("t [s]"), ...panel.curves.map((curve) => line(curve.label, `--${curve.role}`, { width: curve.role === "recorded" ? 3 : 1.5 }))],
+        axes: [axis("time [s]"), axis(panel.label, UPRIGHT)],
+        series: [line("t [s]"), ...panel.curves.map((curve) => line(curve.label, `--${curve.role}`, { width: curve.role === "recorded" && panel.curves.length > 1 ? 5 : 1.5 }))],
         hooks: { setScale: [zoom] },
       });
       chart.roles = [null, ...panel.curves.map((curve) => curve.role)];
@@ -99,6 +110,8 @@
       pen.fill();
     });
     find("time").value = time;
+    // The values of this moment stand below the curves.
+    panels[0]?.setCursor({ left: panels[0].valToPos(time, "x"), top: 0 });
     find("clock").textContent = `${time.toFixed(2)} s`;
   }
 
@@ -132,7 +145,7 @@
       plot(find("horizons"), [panel.seconds, ...panel.curves.map((curve) => curve.values)], {
         title: panel.label,
         scales: { x: { time: false }, y: { distr: 3 } },
-        axes: [axis("horizon [s]"), axis("rms error", { size: 62 })],
+        axes: [axis("horizon [s]"), axis("rms error", UPRIGHT)],
         series: [line("horizon [s]"), ...panel.curves.map((curve) => line(curve.label, `--${curve.role}`, { points: { show: true } }))],
       });
     }
@@ -143,7 +156,7 @@
       plot(find("maps"), [map.places, ...map.curves.map((curve) => curve.values)], {
         title: map.label,
         scales: { x: { time: false } },
-        axes: [axis(map.place), axis(map.force, { size: 62 })],
+        axes: [axis(map.place), axis(map.force, UPRIGHT)],
         series: [line(map.place), ...map.curves.map((curve) => line(curve.label, `--${curve.role}`, curve.bound ? { dash: [4, 4] } : {}))],
       });
     }
@@ -164,6 +177,6 @@
   choose(0);
   horizons();
   maps();
-  window.addEventListener("resize", () => { plots.forEach(({ made, place }) => made.setSize({ width: width(place), height: 200 })); draw(); });
+  window.addEventListener("resize", () => { plots.forEach(({ made, place }) => made.setSize({ width: width(place), height: HEIGHT })); draw(); });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
 })();

@@ -1,11 +1,13 @@
 """Table of controllers simulated on one model and one reference, with a recommendation."""
 
+import textwrap
 from collections.abc import Mapping
 
 import numpy as np
 
 from ...simulation.tracking import Tracking
 from ..text.quantities import digits
+from ..text.tables import WIDTH, Table
 
 
 def describe_rivals(runs: Mapping[str, Tracking]) -> str:
@@ -41,9 +43,7 @@ def describe_rivals(runs: Mapping[str, Tracking]) -> str:
                 ", ".join(f"{100 * share:.2g} %" for share in limit),
             )
         )
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
-    return "\n".join([*lines, "", _advice(runs)]) + "\n"
+    return "\n".join([*Table(head, rows).turned(), *textwrap.wrap(_advice(runs), WIDTH)]) + "\n"
 
 
 def _settled(run: Tracking) -> tuple[int, float]:

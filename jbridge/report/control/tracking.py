@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -20,16 +19,24 @@ from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
 from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
 from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
-from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.html import page
 from ..text.quantities import digits
+from ..text.tables import Table
 from .warnings import as_sentences, tracking_warnings
 
 RUN = "run.csv"
 _NEVER = "not within the time"
-_EXPLAINED = (
-    "Settled: within 1 cm of the goal until the next move, counted from the move's start. Overshoot: as a share of the "
-    "way. Steady error and swing: over the last quarter of the rest. Travel: mean of |du/dt|. Sign changes: from "
-    "beyond 1 % of the drive's limit to beyond 1 % on the other side. At the limit: share of the time."
+_HEAD = (
+    "move",
+    "to x, l [m]",
+    "x and l settled [s]",
+    "load settled [s]",
+    "overshoot of x, l",
+    "steady error of x, l",
+    "swing left",
+    "travel of u_x, u_l [V/s]",
+    "sign changes of u_x, u_l",
+    "u_x, u_l at the limit",
 )
 
 
@@ -56,30 +63,17 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    write_text(target / "control.html", _page(tracking, pictures, silence(tracking, controller)))
+    remarks = [*as_sentences(tracking_warnings(tracking)), *silence(tracking, controller)]
+    moved = Table(_HEAD, _rows(tracking))
+    shown = page("control.html", tracking=tracking, moves=moved, remarks=remarks, pictures=pictures)
+    write_text(target / "control.html", shown)
     return target / "control.html"
 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
-    rows = _rows(tracking)
-    head = (
-        "move",
-        "to x, l [m]",
-        "settled, s",
-        "load settled, s",
-        "overshoot x, l",
-        "steady error x, l",
-        "swing left",
-        "travel, V/s",
-        "sign changes",
-        "at the limit",
-    )
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
-    ]
-    lines = [*(f"Warning: {sentence}" for sentence in tracking_warnings(tracking)), *lines, ""]
+    warned = [f"Warning: {sentence}" for sentence in tracking_warnings(tracking)]
+    lines = [*warned, *Table(_HEAD, _rows(tracking)).turned()]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"
@@ -166,37 +160,3 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
             )
         )
     return rows
-
-
-def _page(tracking: Tracking, pictures: tuple[Picture, ...], remarks: Sequence[str]) -> str:
-    head = (
-        "move",
-        "to x, l [m]",
-        "x and l settled [s]",
-        "load settled [s]",
-        "overshoot of x, l",
-        "steady error of x, l",
-        "swing left",
-        "travel of u_x, u_l [V/s]",
-        "sign changes of u_x, u_l",
-        "u_x, u_l at the limit",
-    )
-    title = f"{len(tracking.moves)} moves in {digits(tracking.times[-1])} s"
-    return page(
-        "Closed loop - jbridge",
-        [
-            element("header", tag("p", "The controller moves the load", "verdict") + tag("h1", title)),
-            bullets(as_sentences(tracking_warnings(tracking)), "warnings"),
-            section(
-                "How each move went",
-                table(head, _rows(tracking)),
-                tag(
-                    "p",
-                    _EXPLAINED,
-                    "soft",
-                ),
-                bullets(remarks, "warnings"),
-            ),
-            section("What happened", show_all(pictures)),
-        ],
-    )

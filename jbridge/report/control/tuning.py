@@ -1,6 +1,7 @@
 """What `tune` leaves: the tuned controller, how it compares, and the pictures."""
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +19,15 @@ from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemb
 from ..figures.control.tracking import draw_positions
 from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
-from ..text.html import bullets, element, page, section, show_all, table, tag
+from ..text.html import page
 from ..text.quantities import digits
+from ..text.tables import WIDTH, Table
 from .warnings import SHOWN, as_sentences, tuning_warnings
 
 _DRAWN = ("settling_load", "residual_swing", "itae_x")
 _SHOWN_ERROR = 0.2
 """How far from zero surfaces show the error, as a share of the larger scale."""
 _COURSES = {"train": "tuned on", "held_out": "held out"}
-_EXPLAINED = (
-    "Median, and the largest in brackets, over all bridges and moves, with the textbook's inference. Settled: within "
-    "1 cm of the goal for the last half second at least, counted from the move's start; a move that does not settle "
-    "counts as longer than all. Held-out bridges and moves took no part in the tuning."
-)
 
 
 @alone_in_folder
@@ -73,11 +70,8 @@ def _numbers(values: NDArray[np.float64]) -> Any:
 def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     """How the tuned controller compares, as a table for the terminal."""
     head, rows = _rows(tuning)
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
-    ]
-    lines = [*(f"Warning: {sentence}" for sentence in tuning_warnings(tuning)), *lines]
+    warned = [line for sentence in tuning_warnings(tuning) for line in textwrap.wrap(f"Warning: {sentence}", WIDTH)]
+    lines = [*warned, *Table(head, rows).lines()]
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]
@@ -149,19 +143,14 @@ def _spread(values: NDArray[np.float64]) -> str:
 
 def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
     before, after = tuning.costs["held_out"]
-    title = f"Cost on held-out bridges: {digits(before)} as given, {digits(after)} tuned"
     head, rows = _rows(tuning)
     moved = sorted(tuning.coordinates.items(), key=lambda item: -abs(item[1]))
     return page(
-        "Tuning - jbridge",
-        [
-            element("header", tag("p", "The controller is tuned", "verdict") + tag("h1", title)),
-            bullets(as_sentences(tuning_warnings(tuning)), "warnings"),
-            section("As given and tuned", table(head, rows, numbers=range(1, len(head))), tag("p", _EXPLAINED, "soft")),
-            section("What changed", show_all(pictures)),
-            section(
-                "How far each number was moved",
-                table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
-            ),
-        ],
+        "tune.html",
+        before=before,
+        after=after,
+        remarks=as_sentences(tuning_warnings(tuning)),
+        measures=Table(head, rows, range(1, len(head))),
+        pictures=pictures,
+        moved=Table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..._files import read_json, replace_text
+from ..._progress import Step, silent, with_progress
 from ...cluster import on_workers
 from ...diagnosis.diagnose import diagnose
 from ...errors import InputError
@@ -40,6 +41,7 @@ class Finding:
     seconds: float = 0.0
 
 
+@with_progress
 def diagnose_each(  # noqa: PLR0913
     model: PathLike,
     folders: Sequence[PathLike],
@@ -64,7 +66,7 @@ def diagnose_each(  # noqa: PLR0913
         force: whether to take columns that are plainly in another unit as they are.
         workers: processes of `dask.distributed` on this machine; with 0 this process computes.
         scheduler: address of a running scheduler, whose workers see the same folders.
-        progress: told how far it is.
+        progress: told how far it is; by default a bar on a terminal or in a notebook.
 
     Returns:
         What was found, in the order of the folders.
@@ -72,7 +74,7 @@ def diagnose_each(  # noqa: PLR0913
     Raises:
         InputError: a folder holds no recordings, two have one name, or `out` cannot be written.
     """
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     target, places = Path(out), [Path(folder).absolute() for folder in folders]
     _check(places)
     check_output(target, folder=True)
@@ -84,14 +86,12 @@ def diagnose_each(  # noqa: PLR0913
     found = {name: kept for name, call in calls.items() if (kept := _kept(Path(call[2]), identities[name]))}
     missing = [call for name, call in calls.items() if name not in found]
     make_folder(target)
-    begun = time.perf_counter()
     tell(f"{len(missing)} folders to diagnose")
     for done, finding in enumerate(_computed(missing, workers, scheduler), 1):
         found[finding.folder] = finding
         mark = {"identity": identities[finding.folder], "finding": dataclasses.asdict(finding)}
         replace_text(_mark(target / finding.folder), json.dumps(mark, indent=1) + "\n")
-        left = (time.perf_counter() - begun) / done * (len(missing) - done)
-        tell(f"{done} of {len(missing)} folders, {left / 60:.0f} min left")
+        tell(Step(f"{done} of {len(missing)} folders", done=done / len(missing)))
     rows = [found[place.name] for place in places]
     replace_text(target / "each.csv", _table(rows))
     return rows
@@ -111,7 +111,9 @@ def _one(model: str, folder: str, out: str, budget: float, force: bool) -> Findi
     try:
         every, proof = _recordings(Path(folder))
         recordings = load_recordings([*every, *proof], force=force)
-        result = diagnose(load_model(model), recordings[: len(every)], recordings[len(every) :], budget=budget)
+        result = diagnose(
+            load_model(model), recordings[: len(every)], recordings[len(every) :], budget=budget, progress=silent
+        )
         save_report(out, result)
         if result.stopped == "interrupted":
             raise KeyboardInterrupt

@@ -5,17 +5,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...model.names import spaced
-from ..text.html import table
 from ..text.quantities import UNKNOWN, digits
+from ..text.tables import Table
 from ..text.words import effect_name
 
 
-def trial_table(trials: Sequence[Mapping[str, object]]) -> str:
-    """HTML of the table; nothing where nothing was tried."""
+def trial_table(trials: Sequence[Mapping[str, object]]) -> Table:
+    """One row for each; none where nothing was tried."""
     columns = [key for key in dict.fromkeys(key for trial in trials for key in trial) if key not in ("kind", "site")]
     numbers = [i for i, key in enumerate(columns, start=1) if any(_is_number(trial.get(key)) for trial in trials)]
     rows = [(_name(trial), *(_cell(trial.get(key)) for key in columns)) for trial in trials]
-    return table(("explanation", *map(spaced, columns)), rows, numbers)
+    return Table(("explanation", *map(spaced, columns)), rows, numbers)
 
 
 def _name(trial: Mapping[str, object]) -> str:

@@ -13,10 +13,11 @@ from ..diagnosis.places import when_sentences, where_sentences
 from ..files import PathLike
 from .quantities import UNKNOWN, join_unit, percent, shown
 from .rows import error_rows, is_changed, parameter_rows, parts
+from .tables import WIDTH, Table
 from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
-_WIDTH = 80
-_INDENT = 12
+_INDENT, _ERRORS = 12, 28
+"""Letters of the margin, and of the first column in tables of errors."""
 _MOST_LINES, _MOST_EFFECTS = 24, 4
 """Lines of a result in short, and effects that it names."""
 _MOST_UNSEEN = 6
@@ -100,7 +101,7 @@ def fit_in_short(fit: Fit) -> str:
     lines = [f"Fit: {len(free)} of {len(fit.estimates)} parameters estimated"]
     room = _MOST_LINES - 12
     for name, estimate in list(free.items())[:room]:
-        lines.append("  " + textwrap.shorten(f"{name} {shown(estimate).text}", _WIDTH - 2, placeholder=" ..."))
+        lines.append("  " + textwrap.shorten(f"{name} {shown(estimate).text}", WIDTH - 2, placeholder=" ..."))
     lines += [f"  and {len(free) - room} more"] if len(free) > room else []
     errors, which = (fit.holdout, "Hold-out") if fit.holdout else (fit.train, "Training")
     return _in_short(lines, _errors(f"{which}, whole recordings", None, errors.free_run, fit.noise), "describe_fit")
@@ -146,7 +147,7 @@ def _parameters(
         text = join_unit(row.value, row.unit) + (f"   ({behind})" if behind else "")
         lines += textwrap.wrap(
             text,
-            _WIDTH,
+            WIDTH,
             initial_indent=f"{indent}{row.name:{width}}  ",
             subsequent_indent=" " * (len(indent) + width + 2),
         )
@@ -168,17 +169,11 @@ def _errors(
     rows = error_rows(before, after, noise)
     head = ["rms error (× noise)"] if before is None else ["before (× noise)", "after (× noise)"]
     head.append("noise")
-    cells = [head]
+    cells = []
     for row in rows:
         first = [_with_ratio(row.before, row.before_ratio)] if before is not None else []
-        cells.append([*first, _with_ratio(row.after, row.after_ratio), row.noise])
-    widths = [max(len(line[i]) for line in cells) for i in range(len(head))]
-    names = [title, *(f"  {CHANNELS[row.channel]}" for row in rows)]
-    left = max(28, *map(len, names))
-    return [
-        f"{name:{left}}  " + "  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True))
-        for name, line in zip(names, cells, strict=True)
-    ]
+        cells.append([f"  {CHANNELS[row.channel]}", *first, _with_ratio(row.after, row.after_ratio), row.noise])
+    return Table([title, *head], cells, range(1, 4)).lines(_ERRORS)
 
 
 def _remarks(warnings: Iterable[str], notes: Iterable[str], traces: Iterable[Trace]) -> list[str]:
@@ -213,6 +208,6 @@ def _wrapped(name: str, text: str, most: int | None = None) -> list[str]:
     """A paragraph behind a name in the margin, of so many lines at most."""
     first, later = f"{name:{_INDENT}}", " " * _INDENT
     lines = textwrap.wrap(
-        text, _WIDTH, initial_indent=first, subsequent_indent=later, max_lines=most, placeholder=" ..."
+        text, WIDTH, initial_indent=first, subsequent_indent=later, max_lines=most, placeholder=" ..."
     )
     return lines or [name]
