@@ -151,5 +151,5 @@ def picture(kept: dict[str, Any]) -> plt.Figure:
     keys.append(plt.Line2D([], [], color="#3c3c3c", lw=2.5, alpha=0.4, label="reference"))
     figure.legend(handles=keys, loc="outside upper center", ncols=len(keys), fontsize=9)
     figure.supxlabel("time [s]", fontsize=9)
-    figure.supylabel("load's distance from the goal, sideways [mm]; shaded: settled", fontsize=9)
+    figure.supylabel("load beside its goal [mm]", fontsize=9)
     return figure
