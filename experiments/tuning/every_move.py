@@ -32,7 +32,8 @@ def table(kept: dict[str, Any]) -> str:
     lines = [
         "# Controllers tuned from recordings",
         "",
-        f"Rigs {', '.join(kept)} in another engine (MuJoCo), with friction by place and direction, dead zones and a delay in each",
+        f"Rigs ({', '.join(kept)}) in another engine (MuJoCo), with friction by place and direction,",
+        "dead zones and a delay in each",
         "drive. `jbridge` knows them by six recordings and the paper's model with round guesses, which has no",
         "delays: `jbridge fit` estimates the model, `jbridge tune` makes the extended rules fit it, and the rig",
         "plays them, the paper's two moves and six others, 10 s each. Settled: the load is within 1 cm of the",

@@ -1,8 +1,8 @@
 """From recordings of an unknown rig to a controller that moves it: does the tuned one beat the paper's, move by move?
 
-    python experiments/tuning/from_recordings.py              two rigs (extra `proof`); a quarter of an hour on idle cores
-    python experiments/tuning/from_recordings.py --rig 1      one of them
-    python experiments/tuning/from_recordings.py --figures    table and picture from the kept numbers
+    python experiments/tuning/from_recordings.py            two rigs (extra `proof`); a quarter of an hour on idle cores
+    python experiments/tuning/from_recordings.py --rig 1    one of them
+    python experiments/tuning/from_recordings.py --figures  table and picture from the kept numbers
 
 Each rig is played by another engine (MuJoCo) and drawn from its seed: dry friction by place and direction, dead zones,
 and drives that answer late. Its owner records seven runs, knows the masses, and has the paper's model with round
