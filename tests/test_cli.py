@@ -386,7 +386,7 @@ output.voltage = {range = [-9.0, 9.0], sets = {N = {trimf = [-9.0, -6.0, 0.0]}, 
 """
 
 
-SLOW_RULES = [pytest.param(rules, marks=pytest.mark.slow) for rules in ("given", "paper", "extended")]
+SLOW_RULES = [pytest.param(rules, marks=pytest.mark.slow) for rules in ("given", "paper", "extended", "lqg")]
 
 
 @pytest.mark.parametrize("rules", ["pid", *SLOW_RULES])
@@ -396,6 +396,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     model.write_text(CONTROL_MODEL)
     (tmp_path / "given.toml").write_text(SMALL_CONTROLLER)
     begin = ["--controller", str(tmp_path / "given.toml")] if rules == "given" else ["--rules", rules]
+    begin += ["--shaping", "zvd"] if rules == "pid" else []
     small = ["--plants", "2", "--steps", "2", "--starts", "1", "--rail", "0", "0.8", "--delay", "10"]
     with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in integers
         assert main(["tune", str(model), *begin, *small, "--out", str(out)]) == 0
@@ -404,10 +405,14 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     assert {p.name for p in out.iterdir()} == {"controller.toml", "controller.h", "tune.json", "tune.html", "figures"}
     told = json.loads((out / "tune.json").read_text())
     assert len(told["history"]) == 2 and set(told["measures"]) == {"train", "held_out"}
-    wanted = {"response.png", "ensemble.png"} | ({"sets-cart.png", "surface-hoist.png"} if rules != "pid" else set())
+    of_rules = {"sets-cart.png", "surface-hoist.png"} if rules not in ("pid", "lqg") else set()
+    wanted = {"response.png", "ensemble.png"} | of_rules
     assert wanted <= {p.name for p in (out / "figures").iterdir()}
-    compensated = jbridge.load_controller(out / "controller.toml").law.compensation is not None
-    assert compensated == (rules in ("pid", "extended"))
+    tuned = jbridge.load_controller(out / "controller.toml")
+    assert (tuned.law.compensation is not None) == (rules in ("pid", "extended", "lqg"))
+    # The swing on a rope in the middle of 0.185 and 0.7 m.
+    given = None if tuned.shaping is None else (tuned.shaping.kind, tuned.shaping.frequency)
+    assert given == (("zvd", pytest.approx(np.sqrt(9.81 / 0.4425))) if rules == "pid" else None)
 
 
 @pytest.mark.parametrize(("words", "complaint"), [

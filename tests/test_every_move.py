@@ -50,5 +50,5 @@ def test_each_rig_has_its_moves(tmp_path):
     draw({"1": RIG, "2": copy.deepcopy(RIG)}, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"tuning-from-recordings.md", "tuning-from-recordings.png"}
     text = (tmp_path / "tuning-from-recordings.md").read_text()
-    assert text.startswith("# Controllers tuned from recordings\n\n2 rigs") and "| 2 | 2 | 0.00" in text
+    assert text.startswith("# Controllers tuned from recordings\n\nRigs (1, 2) in") and "| 2 | 2 | 0.00" in text
     assert f"| {RIVAL} | 2 | " in text

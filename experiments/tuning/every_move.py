@@ -32,11 +32,12 @@ def table(kept: dict[str, Any]) -> str:
     lines = [
         "# Controllers tuned from recordings",
         "",
-        f"{len(kept)} rigs in another engine (MuJoCo), each with friction by place and direction, dead zones and a",
-        "delay in each drive. `jbridge` knows them by six recordings and the paper's model with round guesses,",
-        "which has no delays: `jbridge fit` estimates the model, `jbridge tune` makes the controllers on it, and",
-        "the rig plays them, the paper's two moves and six others, 10 s each. Settled: the load is within 1 cm of",
-        "the goal, sideways and in the rope's length, until the end. Swing: largest angle over the last quarter of",
+        f"Rigs ({', '.join(kept)}) in another engine (MuJoCo), with friction by place and direction,",
+        "dead zones and a delay in each",
+        "drive. `jbridge` knows them by six recordings and the paper's model with round guesses, which has no",
+        "delays: `jbridge fit` estimates the model, `jbridge tune` makes the extended rules fit it, and the rig",
+        "plays them, the paper's two moves and six others, 10 s each. Settled: the load is within 1 cm of the",
+        "goal, sideways and in the rope's length, until the end. Swing: largest angle over the last quarter of",
         "the rest, by an encoder of 0.088 degrees a count. ITAE: of cart and rope together.",
         "Redrawn by `python experiments/tuning/from_recordings.py --figures`; do not edit.",
         "",
@@ -151,5 +152,5 @@ def picture(kept: dict[str, Any]) -> plt.Figure:
     keys.append(plt.Line2D([], [], color="#3c3c3c", lw=2.5, alpha=0.4, label="reference"))
     figure.legend(handles=keys, loc="outside upper center", ncols=len(keys), fontsize=9)
     figure.supxlabel("time [s]", fontsize=9)
-    figure.supylabel("load's distance from the goal, sideways [mm]; shaded: settled", fontsize=9)
+    figure.supylabel("load beside its goal [mm]", fontsize=9)
     return figure

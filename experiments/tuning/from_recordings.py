@@ -1,8 +1,8 @@
 """From recordings of an unknown rig to a controller that moves it: does the tuned one beat the paper's, move by move?
 
-    python experiments/tuning/from_recordings.py              three rigs (extra `proof`); half an hour on idle cores
-    python experiments/tuning/from_recordings.py --rig 1      one of them
-    python experiments/tuning/from_recordings.py --figures    table and picture from the kept numbers
+    python experiments/tuning/from_recordings.py            two rigs (extra `proof`); a quarter of an hour on idle cores
+    python experiments/tuning/from_recordings.py --rig 1    one of them
+    python experiments/tuning/from_recordings.py --figures  table and picture from the kept numbers
 
 Each rig is played by another engine (MuJoCo) and drawn from its seed: dry friction by place and direction, dead zones,
 and drives that answer late. Its owner records seven runs, knows the masses, and has the paper's model with round
@@ -35,12 +35,13 @@ from virtual import draw as draw_truth  # noqa: E402
 DATA = ROOT / "figures" / "data" / "tuning-from-recordings.json"
 OUT = ROOT / "out" / "tuning" / "from-recordings"
 MODEL = HERE.parent / "paper" / "guess.toml"
-RIGS = (1, 2, 3)
+RIGS = (1, 2)
 """Seeds."""
 DELAYS = (8, 20)
 """Shortest and longest delay of a drive [ms]."""
 SEARCH = ("--plants", 32, "--steps", 100, "--starts", 1)
-"""Half of the bridges and steps that `jbridge tune` takes by itself, and one start: a fifth of its time."""
+"""Half of the bridges and steps that `jbridge tune` takes by itself, and one start: a fifth of its time. The table says
+what each rig's tuning took."""
 HELD_OUT = "both-2"
 KEEP = 2
 """Every so many samples of 20 ms are kept for the picture."""

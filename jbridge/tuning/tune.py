@@ -120,7 +120,9 @@ def tune(  # noqa: PLR0913
     knobs = knobs_of(controller.law)
     period, prepare = controller.period, prepare or controller.shaping
     plant = late(model.plant) if scatter.late > 0 else model.plant
-    course = Course(plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare)
+    course = Course(
+        plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare, scatter.noise
+    )
     others = Course(
         plant,
         scattered(plant, held_out + 1, seed + 1, scatter, model.uncertainty)[1:],
@@ -134,6 +136,7 @@ def tune(  # noqa: PLR0913
         ),
         period,
         prepare,
+        scatter.noise,
     )
     cost = Cost(course, goal or usual_goal(), knobs)
     far = Cost(others, goal or usual_goal(), knobs)

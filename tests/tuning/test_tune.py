@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from jbridge import Axes, InputError
-from jbridge.control.base import Reference
+from jbridge.control.base import AbstractController, Reference
 from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
@@ -167,6 +167,28 @@ def test_every_law_of_dry_friction_is_scattered(law):
             assert np.ptp(rows[:, places], axis=0).max() == 0.0
         else:
             assert np.ptp(factors, axis=1).max() < 1e-9 and 0.5 < np.ptp(factors[:, 0]) < 0.67
+
+
+class Reader(AbstractController):
+    """Commands what it reads."""
+
+    def start(self, measured):
+        return measured.x
+
+    def command(self, state, measured, reference, period):
+        return jnp.stack([measured.x, state]), measured.psi
+
+
+def test_readings_have_the_noise_that_is_told():
+    legs = dataclasses.replace(SHORT, seconds=20.0)
+    plain, noisy = (Course(PLANT, scattered(PLANT, 1, 0), legs, 0.02, noise=n) for n in ((0.0,) * 3, (0.02, 0.3, 0.0)))
+    for course, wanted in ((plain, (0.0, 0.0)), (noisy, (0.02, 0.3))):
+        found = course.run(Reader(), jnp.asarray(course.rows[0]), jax.tree.map(lambda leaf: leaf[0, 0], course.moves))
+        away = found.command[:, 0] - found.measured.x, found.command[1:, 1] - found.measured.psi[:-1]
+        # A thousand samples tell a standard deviation to 2 % of it and a mean to 3 %; four times that.
+        for values, size in zip(away, wanted, strict=True):
+            assert float(jnp.std(values)) == pytest.approx(size, rel=0.09) and len(values) >= 1000
+            assert abs(float(jnp.mean(values))) <= 0.13 * size
 
 
 def test_random_moves_stay_in_their_region():
