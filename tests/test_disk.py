@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -127,16 +128,13 @@ def test_two_commands_with_one_folder_end_as_one_of_them(tmp_path, name):
 @pytest.mark.slow
 def test_two_sweeps_with_one_folder_are_told_apart(tmp_path):
     kills.prepare(tmp_path)
-    one, two = start(tmp_path, "sweep", "out"), None
-    (tmp_path / "spec.toml").rename(tmp_path / "spec-1.toml")
-    try:
-        while not (tmp_path / "out.sweep.json").exists():
-            assert one.poll() is None
-        (tmp_path / "spec.toml").write_text(kills.SWEEP.replace("seed = 5", "seed = 6"))
-        two = start(tmp_path, "sweep", "out")
-        assert "out: holds the results of another sweep; choose another --out" in refused(two)
-    finally:
-        assert ended(one) == (0, "")
+    one = start(tmp_path, "sweep", "out")
+    while not (tmp_path / "out.sweep.json").exists():
+        assert one.poll() is None
+        time.sleep(0.1)
+    (tmp_path / "spec.toml").write_text(kills.SWEEP.replace("seed = 5", "seed = 6"))
+    assert "out: holds the results of another sweep; choose another --out" in refused(start(tmp_path, "sweep", "out"))
+    assert ended(one) == (0, "")
 
 
 @pytest.mark.slow
