@@ -143,8 +143,9 @@ def test_a_torn_cache_costs_time_and_changes_nothing(tmp_path, name):
     kills.prepare(tmp_path)
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     assert ended(start(tmp_path, name, "first", **cache)) == (0, "")
-    kept = [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and not path.name.endswith("-atime")]
-    kinds = {path.relative_to(tmp_path / "cache" / "jbridge").parts[0] for path in kept}
+    own = tmp_path / "cache" / "jbridge"  # matplotlib has another one
+    kept = [path for path in own.rglob("*") if path.is_file() and not path.name.endswith("-atime")]
+    kinds = {path.relative_to(own).parts[0] for path in kept}
     assert kinds == ({"jax", "programs"} if name == "fit" else {"jax"})
     for number, path in enumerate(sorted(kept)):
         whole = path.read_bytes()
