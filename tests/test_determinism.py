@@ -1,4 +1,4 @@
-"""Every command ends the same in every process: other hash seeds, one thread or many, with kept programs or without."""
+"""Every command ends the same in every process: other hash seeds, one thread or many, new programs or kept ones."""
 
 import os
 import subprocess
@@ -20,8 +20,8 @@ TOGETHER = {"PYTHONHASHSEED": "2", "NPROC": "4", "OMP_NUM_THREADS": "4", "OPENBL
 @pytest.mark.parametrize("name", [*kills.COMMANDS, *kills.OTHERS])
 def test_a_command_ends_the_same_in_every_process(tmp_path, name):
     kills.prepare(tmp_path)
-    for out, environment, more in (("one", ALONE, ["--no-cache"]), ("two", TOGETHER, [])):
-        words = [sys.executable, "-m", "jbridge", *kills.words_of(name, out), *more]
+    for out, environment in (("one", ALONE), ("two", TOGETHER)):  # the second finds the programs of the first
+        words = [sys.executable, "-m", "jbridge", *kills.words_of(name, out)]
         environment = os.environ | environment | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
         done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")

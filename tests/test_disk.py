@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -127,16 +128,13 @@ def test_two_commands_with_one_folder_end_as_one_of_them(tmp_path, name):
 @pytest.mark.slow
 def test_two_sweeps_with_one_folder_are_told_apart(tmp_path):
     kills.prepare(tmp_path)
-    one, two = start(tmp_path, "sweep", "out"), None
-    (tmp_path / "spec.toml").rename(tmp_path / "spec-1.toml")
-    try:
-        while not (tmp_path / "out.sweep.json").exists():
-            assert one.poll() is None
-        (tmp_path / "spec.toml").write_text(kills.SWEEP.replace("seed = 5", "seed = 6"))
-        two = start(tmp_path, "sweep", "out")
-        assert "out: holds the results of another sweep; choose another --out" in refused(two)
-    finally:
-        assert ended(one) == (0, "")
+    one = start(tmp_path, "sweep", "out")
+    while not (tmp_path / "out.sweep.json").exists():
+        assert one.poll() is None
+        time.sleep(0.1)
+    (tmp_path / "spec.toml").write_text(kills.SWEEP.replace("seed = 5", "seed = 6"))
+    assert "out: holds the results of another sweep; choose another --out" in refused(start(tmp_path, "sweep", "out"))
+    assert ended(one) == (0, "")
 
 
 @pytest.mark.slow
@@ -145,8 +143,10 @@ def test_a_torn_cache_costs_time_and_changes_nothing(tmp_path, name):
     kills.prepare(tmp_path)
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     assert ended(start(tmp_path, name, "first", **cache)) == (0, "")
-    kept = [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and not path.name.endswith("-atime")]
-    assert {path.relative_to(tmp_path / "cache" / "jbridge").parts[0] for path in kept} == {"jax", "programs"}
+    own = tmp_path / "cache" / "jbridge"  # matplotlib has another one
+    kept = [path for path in own.rglob("*") if path.is_file() and not path.name.endswith("-atime")]
+    kinds = {path.relative_to(own).parts[0] for path in kept}
+    assert kinds == ({"jax", "programs"} if name == "fit" else {"jax"})
     for number, path in enumerate(sorted(kept)):
         whole = path.read_bytes()
         turned = bytearray(whole)

@@ -181,6 +181,7 @@ def test_long_recordings_are_taken_one_by_one(monkeypatch):
 
     for room in (module._CALL, 1):
         monkeypatch.setattr(module, "_CALL", room)
+        monkeypatch.setattr(module, "_HELD", room)
         told = found.setdefault(room, {})
         monkeypatch.setattr(module, "predicted_with_tangents", counted)
         engine.sensitivities(jobs, told.__setitem__)

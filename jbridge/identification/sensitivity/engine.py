@@ -36,6 +36,8 @@ _ROOM = 2**21
 _CALL = 2**24
 """Numbers that a call gives at most, about, unless one simulation alone has more: tangents of a recording of ten
 minutes take 100 MB, and several calls wait in memory."""
+_HELD = 2**26
+"""Tangents of unfinished jobs in memory, in numbers, unless one job alone has more."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 
 
@@ -143,9 +145,19 @@ class Engine:
                 for i, found in enumerate(self._differences(jobs[a : a + abreast]), a):
                     take(i, found)
             return
+        most = max((len(job.free) for job in jobs), default=0)
         if self._wider:
-            most = max((len(job.free) for job in jobs), default=0)
             self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)))
+        abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
+        for first in range(0, len(jobs), abreast):
+
+            def numbered(i: int, found: Sensitivity, first: int = first) -> None:
+                take(first + i, found)
+
+            self._tangents(jobs[first : first + abreast], numbered)
+
+    def _tangents(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
+        """`sensitivities` of jobs whose tangents are in memory at the same time."""
         width = max(self._width, 1)
         parts = []
         for i, job in enumerate(jobs):
@@ -153,9 +165,8 @@ class Engine:
             parts += [(i, job.free[a : a + width]) for a in edges]
         room = _CALL // ((width + len(self._moving)) * 3 * self.samples)
         lanes = max(1, min(self.lanes, _TANGENT_LANES, room))
-        if lanes > 1:
-            # Those with the same columns side by side, since a call computes the effects of all of its parts.
-            parts.sort(key=lambda part: part[1].tolist())
+        # Those with the same columns side by side, since a call computes the effects of all of its parts.
+        parts.sort(key=lambda part: part[1].tolist())
         none = np.zeros((3, self.samples))
         columns = [[none] * (len(job.free) + STATES) for job in jobs]
         missing = [max(len(job.free), 1) for job in jobs]
