@@ -131,19 +131,3 @@ def test_the_demo_prints_what_the_readme_shows(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out.splitlines()
     assert alike([line for line in shown.splitlines() if line != "..."], printed) == []
     assert alike(["cart position x 1.2 mm"], ["cart position x 1.3 mm"]) != []
-
-
-@pytest.mark.slow
-def test_simulate_and_fit_print_what_the_page_shows(rig, capsys):
-    blocks = FENCED.findall((ROOT / "docs" / "own-rig.md").read_text(encoding="utf-8"))
-    (shown,) = [body for kind, body in blocks if body.startswith("$ jbridge simulate")]
-    Path("jbridge").mkdir()
-    with importlib.resources.as_file(importlib.resources.files("jbridge") / "demo_data") as demo:
-        shutil.copytree(demo, "jbridge/demo_data")
-    assert main(["demo", "--quiet", "--out", "out/demo"]) == 0
-    for command, *lines in (part.splitlines() for part in shown.split("$ ")[1:]):
-        _, *words = command.split()
-        files = [path for word in words for path in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
-        assert main(files) == 0
-        printed = capsys.readouterr().out.splitlines()
-        assert alike([line for line in lines if line != "..."], printed) == []
