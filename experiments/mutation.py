@@ -1,7 +1,7 @@
 """Would the tests notice? Small changes to the code that results hang on, and its tests over each of them.
 
     python experiments/mutation.py                       all modules: an hour
-    python experiments/mutation.py dry_friction fis      some of them
+    python experiments/mutation.py dry_friction fis_reader      some of them
     python experiments/mutation.py --survivors           again what no test noticed
     python experiments/mutation.py --figures             the table from the kept numbers
 
@@ -42,7 +42,7 @@ MODULES = {
     "identification/uncertainty": ["tests/identification/test_uncertainty.py"],
     # The others, of gradients and of hundreds of systems, take minutes.
     "fuzzy/inference": ["tests/fuzzy/test_inference.py", "-k", "not gradient and not derivative and not thousand"],
-    "fuzzy/fis": ["tests/fuzzy/test_fis.py", "tests/control/test_files.py"],
+    "fuzzy/files/fis_reader": ["tests/fuzzy/test_fis.py", "tests/control/test_files.py"],
     "control/fuzzy_files": ["tests/control/test_files.py"],
     "model/files": ["tests/model/test_files.py"],
     "recordings/sidecar": ["tests/recordings/test_sidecar.py"],

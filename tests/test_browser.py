@@ -13,7 +13,8 @@ from jbridge.report.check import save_check
 from jbridge.report.control.tracking import _HEAD
 from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery
-from jbridge.report.text.html import Table, page
+from jbridge.report.text.html import page
+from jbridge.report.text.tables import Table
 from tests import report_cases as cases
 
 PAPER = 680
