@@ -279,6 +279,8 @@ def main() -> None:
             os.environ["XDG_CACHE_HOME"] = f"{folder}/cache"
             tree = copied(Path(folder))
             for module in MODULES:
+                if chosen.survivors and module not in kept:
+                    continue
                 if not chosen.modules or module.endswith(tuple(chosen.modules)):
                     again = set(kept[module]["survivors"]) if chosen.survivors else None
                     kept[module] = tried(tree, module, again)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 _Asked = ParamSpec("_Asked")
 _Result = TypeVar("_Result")
 _ANY_PACE = 1e6
-"""Steps however far apart tell how long the rest takes [s]."""
+"""Time over which the pace is averaged [s]: all of it, since steps may be minutes apart."""
 
 
 class Step(str):
@@ -50,14 +50,15 @@ class ProgressBar:
             return
         step = message if isinstance(message, Step) else Step(message)
         if self._drawn is None:
-            self._drawn = _drawn()
+            self._drawn = _line()
             self._drawn.add_task("", total=None)
         known = step.done is not None
+        # `update` takes None for what stays as it is.
+        self._drawn.tasks[0].total = 1.0 if known else None
         self._drawn.update(
             self._drawn.task_ids[0],
             description=" ".join(message.split()),
             completed=step.done,
-            total=1.0 if known else None,
             known=known,
             most=step.most,
         )
@@ -96,7 +97,7 @@ def _in_notebook() -> bool:
     return "ipykernel" in sys.modules and importlib.util.find_spec("ipywidgets") is not None
 
 
-def _drawn() -> "Progress":
+def _line() -> "Progress":
     # Loaded only where a bar is shown.
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn

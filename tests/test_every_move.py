@@ -14,7 +14,7 @@ def move(settled, swing, itae):
     """Settled after so many seconds or never, with a swing [deg] and an ITAE of cart and of rope."""
     signals = {"t": T.tolist(), "aside": (0.1 * np.cos(T)).tolist(), "wanted": np.zeros_like(T).tolist()}
     return {
-        "settling": {"load": settled}, "swing": np.radians(swing), "itae": {"x": itae, "l": 0.1}, "overshoot": {},
+        "settling": {"load": settled}, "swing": np.radians(swing), "itae": {"x": itae, "l": 0.1},
         "travel": {"x": 1.5, "l": 0.5}, "from": [0.0, 0.2], "to": [1.2, 0.6], **signals,
     }  # fmt: skip
 

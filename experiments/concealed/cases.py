@@ -168,7 +168,7 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     words = line.split(maxsplit=1)
     flavour, rest = words[0], words[1]
     loop = "closed" if rest.endswith(" closed") else "open"
-    rest, _, noise = rest.removesuffix(" closed").partition(" in ")
+    rest, _, company = rest.removesuffix(" closed").partition(" in ")
     rest, _, severity = rest.partition(" at ")
     names = [] if rest.startswith("null") else rest.split(" + ")
     bridge = _bridge(d, names)
@@ -191,8 +191,8 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
             size = own or (_scaled(name, float(severity), sizes) if severity else 1.0)
             concealed.append(draw(kind, site, key, size))
     played = owned + [e for e in concealed if e["kind"] != "wrong_value" and e not in owned]
-    if noise:
-        played += {"clutter": _clutter, "recorded forces": _recorded}[noise](flavour, float(severity), sizes, d)
+    if company:
+        played += {"clutter": _clutter, "recorded forces": _recorded}[company](flavour, float(severity), sizes, d)
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]
     equivalents = [

@@ -145,7 +145,7 @@ def shown(run: dict) -> dict:
     path, wanted = run["run"], run["reference"]
     goal = [wanted[axis][-1] for axis in ("x", "l")]
     aside = path["x"] + path["l"] * np.sin(path["psi"]) - goal[0]
-    kept = {key: run[key] for key in ("settling", "swing", "itae", "overshoot", "travel")}
+    kept = {key: run[key] for key in ("settling", "swing", "itae", "travel")}
     ends = {"from": [wanted["x"][0], wanted["l"][0]], "to": goal}
     lines = {"t": wanted["t"], "aside": aside, "wanted": wanted["x"] - goal[0]}
     return kept | ends | {name: [float(f"{v:.4g}") for v in values[::KEEP]] for name, values in lines.items()}

@@ -37,7 +37,8 @@ def add(commands: Commands) -> None:
     diagnose = command(commands, "diagnose", "why recordings and simulation differ", _HELP, run)
     diagnose.epilog = (
         "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report\n"
-        "  jbridge diagnose model.toml monday-*.csv --with wednesday-1.csv --out report\n"
+        "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv \\\n"
+        "    --with wednesday-1.csv --out report\n"
         "  jbridge diagnose model.toml --each rig-1 rig-2 rig-3 --out reports"
     )
     add_recordings(diagnose, least=0)

@@ -12,8 +12,8 @@ cart = [20.0, -5.0, 0.0, 4.0, -1.0, 0.0]
 hoist = [0.0, 0.0, 40.0, 0.0, 0.0, 3.0]
 ```
 
-`kind = "observer_feedback"` has the same, and the observer's matrices as lists of rows: `transition` (6 by 6), `drive`
-(6 by 2) and `correction` (6 by 3).
+`kind = "observer_feedback"` has the same gains, and for `filter` the observer's matrices as lists of rows: `transition`
+(6 by 6), `drive` (6 by 2) and `correction` (6 by 3).
 """
 
 from collections.abc import Mapping
@@ -109,7 +109,7 @@ def read_observer(file: Where, document: Mapping[str, Any], path: Path) -> Obser
     matrices = {}
     for key, columns in _MATRICES.items():
         rows = document.get(key)
-        if not isinstance(rows, list) or [len(row) for row in rows if isinstance(row, list)] != [columns] * 6:
+        if not isinstance(rows, list) or [isinstance(row, list) and len(row) for row in rows] != [columns] * 6:
             file.refuse(f"{key} = {shown(rows)} is not a list of six rows of {columns} numbers each; give one")
         matrices[key] = jnp.asarray([_row(file, f"{key}[{k}]", row) for k, row in enumerate(rows)])
     compensation = read_compensation(file, document.get("compensation")) or Compensation()

@@ -8,7 +8,7 @@ _SITES = {
     "hoist_drive": "hoist drive",
     "x_sensor": "cart position sensor",
     "psi_sensor": "angle sensor",
-    "l_sensor": "rope length",  # which a recording has, or its owner has measured once
+    "l_sensor": "rope length",  # no sensor where it was measured once, by hand
     "clock": "clock of the recordings",
 }
 _KINDS = {

@@ -167,6 +167,11 @@ def test_rivals_of_fuzzy_controllers_come_back(tmp_path, name, shaping):
         ),
         (
             "observer",
+            ("drive = [\n", "drive = [\n    5,\n"),
+            "drive = .* is not a list of six rows of 2 numbers",
+        ),
+        (
+            "observer",
             ("transition = [\n    [0.0", 'transition = [\n    ["0"'),
             r"transition\[0\]\[0\] = '0' is not a number",
         ),

@@ -2,11 +2,11 @@
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
 the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
-the channel in which it matters most, it takes more off the typical error than what is left without a name: that, too,
-is a force that hold-outs repeat, and whatever effect is most like it imitates a part of it. The error is that of most
-windows, as the criterion counts it, since one that no model meets says nothing of the others. Errors of channels are
-not added up: what one of them cannot explain says nothing of another, and their noise, which a fine encoder makes as
-small as one likes, is no common unit.
+the channel in which it matters most, it takes more off the square of the typical error than is left without a name:
+that, too, is a force that hold-outs repeat, and whatever effect is most like it imitates a part of it. The error is
+that of most windows, as the criterion counts it, since one that no model meets says nothing of the others. Errors of
+channels are not added up: what one of them cannot explain says nothing of another, and their noise, which a fine
+encoder makes as small as one likes, is no common unit.
 """
 
 import dataclasses

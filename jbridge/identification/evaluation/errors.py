@@ -78,23 +78,18 @@ class Evaluation:
 
     def typical(self, horizon: float) -> dict[str, float]:
         """Geometric mean over windows in motion of the error by channel [m, rad, m]."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            weight = self.windows.motion[own, k]
-            if weight.any():
-                size = np.log(np.maximum(self.square[own, k], 1e-12)) / 2 + np.log(self.noise()[own, k])
-                out[axis] = float(np.exp(np.average(size, weights=weight)))
-        return out
+        return self._typical(np.log(np.maximum(self.square, 1e-12)) / 2 + np.log(self.noise()), horizon)
 
     def typical_excess(self, horizon: float) -> dict[str, float]:
         """Square of the typical error less noise, in units of the noise's variance, by channel; at least 0."""
-        own, out = self.of(horizon), {}
-        for k, axis in enumerate(AXES):
-            weight = self.windows.motion[own, k]
-            if weight.any():
-                size = np.average(np.log(np.maximum(self.square[own, k], 1e-12)), weights=weight)
-                out[axis] = max(float(np.exp(size)) - 1.0, 0.0)
-        return out
+        squares = self._typical(np.log(np.maximum(self.square, 1e-12)), horizon)
+        return {axis: max(square - 1.0, 0.0) for axis, square in squares.items()}
+
+    def _typical(self, logarithms: NDArray[np.float64], horizon: float) -> dict[str, float]:
+        """Geometric mean over windows in motion, by channel."""
+        own, motion = self.of(horizon), self.windows.motion
+        moving = [(k, axis) for k, axis in enumerate(AXES) if motion[own, k].any()]
+        return {a: float(np.exp(np.average(logarithms[own, k], weights=motion[own, k]))) for k, a in moving}
 
     def excess(self, horizon: float) -> dict[str, float]:
         """Sum over samples of squared error less noise, by channel [m^2, rad^2, m^2]."""

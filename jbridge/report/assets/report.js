@@ -38,7 +38,7 @@
   function difference({ label, curves: [recorded, ...simulated] }) {
     if (!simulated.length) return [];
     const less = (value, k) => (value == null || recorded.values[k] == null ? null : value - recorded.values[k]);
-    return [{ label: `less recorded ${label.slice(label.indexOf("["))}`, curves: simulated.map((curve) => ({ ...curve, values: curve.values.map(less) })) }];
+    return [{ label: `simulated less recorded ${label.slice(label.indexOf("["))}`, curves: simulated.map((curve) => ({ ...curve, values: curve.values.map(less) })) }];
   }
 
   function recordings() {

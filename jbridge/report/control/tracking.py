@@ -22,7 +22,8 @@ from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import page
 from ..text.quantities import digits
 from ..text.tables import Table
-from .warnings import as_sentences, tracking_warnings
+from ..text.words import capital
+from .warnings import tracking_warnings, warning_lines
 
 RUN = "run.csv"
 _NEVER = "not within the time"
@@ -63,7 +64,7 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    remarks = [*as_sentences(tracking_warnings(tracking)), *silence(tracking, controller)]
+    remarks = [*map(capital, tracking_warnings(tracking)), *silence(tracking, controller)]
     moved = Table(_HEAD, _rows(tracking))
     shown = page("control.html", tracking=tracking, moves=moved, remarks=remarks, pictures=pictures)
     write_text(target / "control.html", shown)
@@ -72,8 +73,7 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
-    warned = [f"Warning: {sentence}" for sentence in tracking_warnings(tracking)]
-    lines = [*warned, *Table(_HEAD, _rows(tracking)).turned()]
+    lines = [*warning_lines(tracking_warnings(tracking)), *Table(_HEAD, _rows(tracking)).turned()]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"

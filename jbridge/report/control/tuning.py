@@ -1,7 +1,6 @@
 """What `tune` leaves: the tuned controller, how it compares, and the pictures."""
 
 import json
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,9 @@ from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import page
 from ..text.quantities import digits
-from ..text.tables import WIDTH, Table
-from .warnings import SHOWN, as_sentences, tuning_warnings
+from ..text.tables import Table
+from ..text.words import capital
+from .warnings import SHOWN, tuning_warnings, warning_lines
 
 _DRAWN = ("settling_load", "residual_swing", "itae_x")
 _SHOWN_ERROR = 0.2
@@ -70,8 +70,7 @@ def _numbers(values: NDArray[np.float64]) -> Any:
 def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     """How the tuned controller compares, as a table for the terminal."""
     head, rows = _rows(tuning)
-    warned = [line for sentence in tuning_warnings(tuning) for line in textwrap.wrap(f"Warning: {sentence}", WIDTH)]
-    lines = [*warned, *Table(head, rows).lines()]
+    lines = [*warning_lines(tuning_warnings(tuning)), *Table(head, rows).lines()]
     lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]
@@ -149,7 +148,7 @@ def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:
         "tune.html",
         before=before,
         after=after,
-        remarks=as_sentences(tuning_warnings(tuning)),
+        remarks=[capital(text) for text in tuning_warnings(tuning)],
         measures=Table(head, rows, range(1, len(head))),
         pictures=pictures,
         moved=Table(("number", "factor"), [(name, digits(float(np.exp(value)))) for name, value in moved], (1,)),

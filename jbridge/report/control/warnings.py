@@ -1,5 +1,6 @@
 """What reports on a controller warn of before anything else: restless drives, unsettled loads, extrapolation."""
 
+import textwrap
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -8,6 +9,7 @@ from ...control.measures import NEAR
 from ...simulation.tracking import Tracking
 from ...tuning.tune import Tuning
 from ..text.quantities import digits
+from ..text.tables import WIDTH
 
 SHOWN: Mapping[str, tuple[str, str, float]] = {
     "settling_load": ("load settled", "s", 1.0),
@@ -58,9 +60,9 @@ def tracking_warnings(tracking: Tracking) -> list[str]:
     return found + _beyond_recordings("the reference goes", reached, tracking.recorded)
 
 
-def as_sentences(warnings: Iterable[str]) -> list[str]:
-    """The same with capitals."""
-    return [text[0].upper() + text[1:] for text in warnings]
+def warning_lines(warnings: Iterable[str]) -> list[str]:
+    """Warnings on a terminal."""
+    return [line for sentence in warnings for line in textwrap.wrap(f"Warning: {sentence}", WIDTH)]
 
 
 def _beyond_recordings(
