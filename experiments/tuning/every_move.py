@@ -37,7 +37,8 @@ def table(kept: dict[str, Any]) -> str:
         "with round guesses, which has no delays: `jbridge fit` estimates the model, `jbridge tune` makes the",
         "extended rules fit it, and the rig plays them, the paper's two moves and six others, 10 s each. Settled:",
         "the load is within 1 cm of the goal, sideways and in the rope's length, until the end. Swing: largest",
-        "angle over the last quarter of the rest, by an encoder of 0.088 degrees a count. ITAE: of cart and rope together.",
+        "angle over the last quarter of the rest, by an encoder of 0.088 degrees a count. ITAE: of cart and",
+        "rope together.",
         "Redrawn by `python experiments/tuning/from_recordings.py --figures`; do not edit.",
         "",
         f"| controller | moves settled, of {count} | settled, median [s] | swing, median (worst) [deg] |"
