@@ -77,20 +77,18 @@ def _velocities(differences: Differences, period: float) -> str:
 def _compensated(compensation: Compensation | None, signals: tuple[str, str]) -> str:
     if compensation is None:
         return "".join(f"    command[{k}] = {signal};\n" for k, signal in enumerate(signals))
-    limits = compensation.cart_limit, compensation.hoist_limit
     text = ""
-    for k, (signal, (lost, bias)) in enumerate(zip(signals, _losses(compensation), strict=True)):
-        low, high = constant(-float(limits[k])), constant(limits[k])
+    for k, (signal, limit) in enumerate(zip(signals, (compensation.cart_limit, compensation.hoist_limit), strict=True)):
         text += f"    command[{k}] = {signal};\n"
-        blurred = f"tanh(command[{k}] / {constant(compensation.blur)})"
-        given = f"command[{k}] + {constant(lost)} * {blurred} + {constant(bias)}"
-        text += f"    command[{k}] = P_between({given}, {low}, {high});\n"
+        given = f"command[{k}] + ({_lost(compensation, k, f'command[{k}]')})"
+        text += f"    command[{k}] = P_between({given}, {constant(-float(limit))}, {constant(limit)});\n"
     return text
 
 
-def _losses(compensation: Compensation) -> tuple[tuple[float, float], tuple[float, float]]:
-    """What friction and dead zone take [V], and what holds the load [V], of cart and hoist."""
-    return (float(compensation.cart), 0.0), (float(compensation.hoist), float(compensation.hoist_bias))
+def _lost(compensation: Compensation, axis: int, signal: str) -> str:
+    """What friction, dead zone and the load's weight take from a signal of the cart (0) or hoist (1) [V]."""
+    lost, bias = ((compensation.cart, 0.0), (compensation.hoist, compensation.hoist_bias))[axis]
+    return f"{constant(lost)} * tanh({signal} / {constant(compensation.blur)}) + {constant(bias)}"
 
 
 def _fuzzy(law: FuzzyController, period: float) -> LawInC:
@@ -159,9 +157,8 @@ def _observer_feedback(law: ObserverFeedback, period: float) -> LawInC:
     text += _away([each + (f" - reference[{wanted[k]}]" if k in wanted else "") for k, each in enumerate(estimate)])
     asked = "".join(f"    const P_real asked_{k} = {signal};\n" for k, signal in enumerate(_fed_back(law.gains)))
     text += asked + _compensated(law.compensation, ("asked_0", "asked_1"))
-    for k, (lost, bias) in enumerate(_losses(law.compensation)):
-        taken = f"{constant(lost)} * tanh(asked_{k} / {constant(law.compensation.blur)}) + {constant(bias)}"
-        text += f"    state->given[{k}] = command[{k}] - ({taken});\n"
+    for k in range(2):
+        text += f"    state->given[{k}] = command[{k}] - ({_lost(law.compensation, k, f'asked_{k}')});\n"
     start = "    for (k = 0; k < 3; ++k) state->estimate[k] = measured[k], state->estimate[3 + k] = 0;\n"
     start += "    state->given[0] = state->given[1] = 0;\n"
     return LawInC("    P_real estimate[6];\n    P_real given[2];", HELPERS, start, text)

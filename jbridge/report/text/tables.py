@@ -73,13 +73,7 @@ def errors_table(before: Mapping[str, float] | None, after: Mapping[str, float],
 def parameter_tables(
     parameters: Mapping[str, Estimate], kind: str | None = None, site: str | None = None, known: Collection[str] = ()
 ) -> list[Table]:
-    """The parameters of an effect, or of the bridge; those that are lists make a table with a row per place.
-
-    Args:
-        parameters: by key.
-        kind, site: of the effect.
-        known: names of the model's parameters that were not estimated.
-    """
+    """The parameters of an effect, or of the bridge, see `parameter_rows`; lists make a table with a row per place."""
     lists = {key: estimate for key, estimate in parameters.items() if isinstance(estimate.value, list)}
     numbers = {key: estimate for key, estimate in parameters.items() if key not in lists}
     rows = [
