@@ -36,7 +36,7 @@ format: $(INSTALLED) ## Format the code and sort its imports
 	$(BIN)/ruff format
 
 figures: $(INSTALLED) ## Redraw all figures from their saved data, and the README's from a run of the demo
-	$(BIN)/jbridge demo --quiet --out out/demo && cp out/demo/figures/signals-holdout-1.png figures/demo.png
+	$(BIN)/jbridge demo --quiet --out out/demo && cp out/demo/figures/signals-holdout-holdout-1.png figures/demo.png
 	$(BIN)/python experiments/concealed/run.py --figures
 	$(BIN)/python experiments/real_rigs/run.py --figures
 	$(BIN)/python experiments/real_rigs/planted.py --figures
