@@ -154,7 +154,7 @@ def _words(found: Row | None, truth: Truth) -> str:
     return f"not told from {beside['kind']} ({beside['status']}), {said}".replace("_", " ")
 
 
-def table(rows: dict[str, Row], unaltered: dict[str, Row]) -> str:
+def table(rows: dict[str, Row]) -> str:
     """The page in markdown."""
     lines = [
         "# A known truth in real recordings",
@@ -170,7 +170,7 @@ def table(rows: dict[str, Row], unaltered: dict[str, Row]) -> str:
         row = rows.get(truth.label)
         if row is None:
             continue
-        before, after = _found(unaltered[truth.rig], truth), _found(row, truth)
+        before, after = _found({"effects": row["unaltered"]}, truth), _found(row, truth)
         sizes = [_size(before, truth), _size(after, truth)]
         absent = 1.0 if truth.key == "scale" else 0.0
         first, last = (absent if size is None else size for size in sizes)
@@ -206,14 +206,16 @@ def main() -> None:
         with ProcessPoolExecutor(arguments.jobs, alone, max_tasks_per_child=1) as pool:
             waiting = {pool.submit(diagnosed, truth, arguments.budget, arguments.out): truth for truth in chosen}
             for done in as_completed(waiting):
-                kept[waiting[done].label] = done.result()
+                # What is said of the unaltered ones now: `run.py` may run again before the next row is made.
+                unaltered = json.loads(KEPT.read_text())[waiting[done].rig]["effects"]
+                kept[waiting[done].label] = done.result() | {"unaltered": unaltered}
                 print(
                     f"{waiting[done].label}: {_words(_found(done.result(), waiting[done]), waiting[done])}", flush=True
                 )
                 arguments.kept.parent.mkdir(parents=True, exist_ok=True)
                 arguments.kept.write_text(json.dumps(kept, indent=1) + "\n")
     if arguments.kept == PLANTED:
-        TABLE.write_text(table(kept, json.loads(KEPT.read_text())), encoding="utf-8")
+        TABLE.write_text(table(kept), encoding="utf-8")
 
 
 if __name__ == "__main__":
