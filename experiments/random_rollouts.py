@@ -1,6 +1,7 @@
 """Does a simulation ever end in NaN without saying so? Up to a million random bridges, as four sweeps.
 
     python experiments/random_rollouts.py                   a million rollouts: hours
+    python experiments/random_rollouts.py --gpu             the same on a graphics processor: minutes
     python experiments/random_rollouts.py --count 10000     fewer
     python experiments/random_rollouts.py --figures         redraw the table from figures/data/random-rollouts.json
 
@@ -70,6 +71,8 @@ OWN_FACTORS = {
     "double_pendulum@swing.hook_mass": 3.0,
 }  # fmt: skip
 """Numbers with a range of their own: the factor up and down."""
+CHUNK, ON_GPU = 4096, 125_000
+"""Rollouts in a chunk, on a processor and on a graphics processor."""
 HELD = {"position", "start", "stop", "length", "rest", "phase", "time"}
 """Keys of numbers that are not drawn: places and times."""
 
@@ -83,14 +86,15 @@ def model_text(bridge: dict[str, float], effects: dict[str, dict[str, float]]) -
     return "\n".join(lines) + "\n"
 
 
-def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: int, seed: int) -> Path:
+def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: int, seed: int, gpu: bool) -> Path:
     """Writes model and sweep."""
     vary = [(key, value, 3.0) for key, value in BRIDGE.items()]
     for name, values in (EFFECTS | mechanism).items():
         vary += [(f"{name}.{k}", v, OWN_FACTORS.get(f"{name}.{k}", 10.0)) for k, v in values.items() if k not in HELD]
     (folder / "model.toml").write_text(model_text({"gravity": 9.81, **BRIDGE}, EFFECTS | mechanism))
     sweep = [
-        'model = "model.toml"', "[reference]", "rest = 1.0", "speed = [0.6, 0.4]",
+        'model = "model.toml"', f"chunk = {ON_GPU if gpu else CHUNK}",
+        "[reference]", "rest = 1.0", "speed = [0.6, 0.4]",
         "[sample]", 'kind = "random"', f"count = {count}", f"seed = {seed}",
     ]  # fmt: skip
     for name, value, factor in vary:
@@ -100,10 +104,10 @@ def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: i
     return path
 
 
-def measured(name: str, count: int, seed: int) -> dict[str, Any]:
+def measured(name: str, count: int, seed: int, gpu: bool) -> dict[str, Any]:
     """One sweep: how many rollouts were marked, and how many have a number that is not finite although they are not."""
     with tempfile.TemporaryDirectory() as folder:
-        question = jbridge.load_sweep(specification(Path(folder), MECHANISMS[name], count, seed))
+        question = jbridge.load_sweep(specification(Path(folder), MECHANISMS[name], count, seed, gpu))
         result = jbridge.run_sweep(question, Path(folder) / "results")
         table = jbridge.read_sweep(Path(folder) / "results")
     sound = np.asarray(table["sound"], bool)
@@ -136,13 +140,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1_000_000, help="rollouts (default: %(default)d)")
     parser.add_argument("--seed", type=int, default=0, help="of all that is drawn (default: %(default)d)")
+    parser.add_argument("--gpu", action="store_true", help="on a graphics processor")
     parser.add_argument("--figures", action="store_true", help="only redraw")
     arguments = parser.parse_args()
     if not arguments.figures:
-        jbridge.set_up(True)
+        jbridge.set_up(True, gpu=arguments.gpu)
         kept = {}
         for number, name in enumerate(MECHANISMS):
-            kept[name] = measured(name, max(arguments.count // len(MECHANISMS), 1), arguments.seed + number)
+            kept[name] = measured(
+                name, max(arguments.count // len(MECHANISMS), 1), arguments.seed + number, arguments.gpu
+            )
             print(name, kept[name], flush=True)
         DATA.write_text(json.dumps(kept, indent=1) + "\n")
     TABLE.write_text(table(json.loads(DATA.read_text())))
