@@ -95,7 +95,7 @@ def solve(
         tolerance: a fit is done when a step gains less than this [nat], or a thousandth of that per unit of the
             criterion.
     """
-    points = _from_first_guesses(engine, data, windows, likelihood, evaluate(engine, data, windows, likelihood, starts))
+    points = _from_other_states(engine, data, windows, likelihood, evaluate(engine, data, windows, likelihood, starts))
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
@@ -387,17 +387,35 @@ def _kept_where_better(
     return out, refused
 
 
-def _from_first_guesses(
+def _from_other_states(
     engine: Engine, data: Data, windows: Index, likelihood: Likelihood, points: Sequence[Point]
 ) -> list[Point]:
-    """The points with, for each window, the initial state in hand or its first guess, whichever meets it better.
+    """The points with, for each window, the initial state in hand or another one, whichever meets it better: that of a
+    shorter window that begins with it, whose fit is nearly linear, or else its first guess.
 
     A model that lacks much pulls initial states into basins that better parameters alone do not lead out of: those of a
     cart that is held a moment longer.
     """
-    guesses = tuple(t.states for t in data.tilings)
-    again = evaluate(engine, data, windows, likelihood, [Start(p.vector, p.free, guesses) for p in points])
+    others = [Start(p.vector, p.free, _states_of_shorter(data, p.states)) for p in points]
+    again = evaluate(engine, data, windows, likelihood, others)
     return [_better_by_window(windows, likelihood, p, q)[0] for p, q in zip(points, again, strict=True)]
+
+
+def _states_of_shorter(data: Data, states: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
+    """For each window the initial state of the longest shorter one that begins with it, or else its first guess."""
+    out = []
+    for tiling in data.tilings:
+        own = tiling.states.copy()
+        shorter = [
+            (other.horizon, other.begins, found)
+            for other, found in zip(data.tilings, states, strict=True)
+            if other.recording == tiling.recording and other.horizon < tiling.horizon
+        ]
+        for _, begins, found in sorted(shorter, key=lambda entry: entry[0]):
+            _, here, there = np.intersect1d(tiling.begins, begins, return_indices=True)
+            own[here] = found[there]
+        out.append(own)
+    return tuple(out)
 
 
 def _better_by_window(
