@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm, ttest_1samp
 
 from jbridge.diagnosis.structures.space import make_space
-from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed
+from jbridge.diagnosis.structures.structure import Structure, base_structure, steadiness, weighed
 from jbridge.diagnosis.validation.holdout import HoldOut
 from jbridge.diagnosis.validation.validate import _checked, validate
 from jbridge.identification.data.windows import make_data
@@ -47,6 +48,18 @@ def in_channel(losses, channel):
     out = np.zeros((len(losses), 3))
     out[:, channel] = losses
     return out
+
+
+def test_steadiness_is_that_of_noise_or_of_a_t_test():
+    # As steady as noise: the root of a likelihood ratio.
+    assert steadiness(np.full(6, 0.4)) == pytest.approx(np.sqrt(2 * 6 * 0.4))
+    assert steadiness(np.full(6, -0.4)) == pytest.approx(-np.sqrt(2 * 6 * 0.4))
+    # Where blocks scatter more, what SciPy's test of their mean says.
+    root = np.random.default_rng(0).normal(0.5, 4.0, 400)
+    said = ttest_1samp(root, 0.0, alternative="greater").pvalue
+    assert steadiness(0.5 * np.sign(root) * root**2) == pytest.approx(norm.isf(said), rel=0.01)
+    # Two blocks that differ tell less than many.
+    assert steadiness(np.array([20.0, 2.0])) < 0.6 * steadiness(np.array([20.0, 2.0] * 4))
 
 
 @pytest.mark.parametrize(

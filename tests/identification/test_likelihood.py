@@ -132,9 +132,24 @@ def test_a_rest_counts_where_the_model_moves():
     assert likelihood(far, windows).share[:, 0].max() < 1e-9
 
 
-def test_every_horizon_counts_the_same(data):
+def counted(data, left):
+    """What the windows of each horizon count together, were all of them in motion."""
     windows = index(data)
-    found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings))
-    level = dataclasses.replace(found, share=found.share / np.maximum(windows.motion, 1e-12))
-    totals = [level.share[windows.horizon == h, 0].sum() for h in data.horizons]
+    found = likelihood(data, windows, left)
+    level = found.share[:, 0] / np.maximum(windows.motion[:, 0], 1e-12)
+    return [level[windows.horizon == h].sum() for h in data.horizons], found.total
+
+
+def test_horizons_with_the_same_errors_count_the_same(data):
+    totals, _ = counted(data, [np.ones((data.samples, 3))] * len(data.tilings))
     assert totals[0] == pytest.approx(totals[1])
+
+
+def test_a_horizon_counts_by_its_own_samples_and_by_no_more_than_the_mean(data):
+    white = np.random.default_rng(0).standard_normal((data.samples, 3))
+    drift = np.linspace(-1.0, 1.0, data.samples)[:, None] * np.ones(3)
+    alone = [counted(data, [left] * 2)[1] for left in (white, drift)]
+    totals, total = counted(data, [white, drift])
+    assert 2.0 * totals[1] == pytest.approx(alone[1]) and alone[1] < 10.0
+    assert 2.0 * totals[0] == pytest.approx(np.sqrt(alone[0] * alone[1]))
+    assert total == pytest.approx(sum(totals))

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm as normal
+from scipy.stats import t as student
 
 from ...identification.estimation import Problem
 from ...identification.solver import Normal, Point, bounded_step, ties
@@ -121,25 +123,27 @@ def accepts(now: Structure, then: Structure) -> bool:
     added = set(then.names) - set(now.names)
     if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
         return True
-    steady, _ = steadiness(now.blocks - then.blocks)
-    return steady > CRITERIA.sure
+    return steadiness(now.blocks - then.blocks) > CRITERIA.sure
 
 
 _KNOWN = 2
 """Blocks that the variance of noise counts for."""
 
 
-def steadiness(gain: NDArray[np.float64]) -> tuple[float, int]:
-    """How steadily a model gains over blocks: a mean over its standard error, and that one's degrees of freedom.
+def steadiness(gain: NDArray[np.float64]) -> float:
+    """How steadily a model gains over blocks: the mean over its standard error, as that of a normal distribution.
 
     The mean is of the signed root of twice the gain, which grows with an effect, and to which noise gives a variance of
-    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. There may be
-    two blocks: the variance of noise is known beforehand like one that some more of them have shown.
+    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. The standard
+    error is that of noise, which is known, or, where blocks scatter more, the one that they show: with Student's t,
+    since they may be two, and with the variance of noise counted like one that some more of them have shown.
     """
     root = np.sign(gain) * np.sqrt(2.0 * np.abs(gain))
-    freedom = _KNOWN + len(root) - 1
-    variance = (_KNOWN + float(np.sum((root - root.mean()) ** 2))) / freedom
-    return float(root.mean()) / math.sqrt(max(variance, 1.0) / len(root)), freedom
+    mean, freedom = float(root.mean()), _KNOWN + len(root) - 1
+    variance = (_KNOWN + float(np.sum((root - mean) ** 2))) / freedom
+    known = abs(mean) * math.sqrt(len(root))
+    shown = float(normal.isf(student.sf(known / math.sqrt(variance), freedom)))
+    return math.copysign(min(known, shown), mean)
 
 
 def leaves_nothing(problem: Problem, structure: Structure) -> bool:

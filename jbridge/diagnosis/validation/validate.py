@@ -16,8 +16,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm as normal
-from scipy.stats import t as student
 
 from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
@@ -57,7 +55,7 @@ class Checked:
     loss: float
     """Of the criterion on the hold-out without it [nat],"""
     steady: float
-    """and the mean over blocks of its signed root, over the standard error."""
+    """and how steady it is over blocks, in standard errors, see `steadiness`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -285,22 +283,17 @@ def _checked(
         complete: the model with it.
         run: the model without it.
     """
-    total, (steady, freedom) = float(loss.sum()), steadiness(loss.sum(axis=1))
+    total, steady = float(loss.sum()), steadiness(loss.sum(axis=1))
     own, (horizon, axes) = _explained(before, complete, run), _shown(before)
     # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
     axis = AXES[int(loss.sum(axis=0).argmax())]
     left, without = (each.typical_excess(horizon)[axis] for each in (complete, run)) if axis in axes else (0.0, 0.0)
     nameless = axis in axes and without - left <= left
     explained = float(np.mean(list(own.values()))) if own else None
-    # As many standard errors as a normal distribution would ask for, in the tails of one with few blocks.
-    if steady > float(student.ppf(_NORMAL_SHARE, freedom)) and not nameless:
+    if steady > CRITERIA.confirmed and not nameless:
         return Checked(name, "confirmed", explained, total, steady)
     once = happens_once(name[0]) and total <= 0.0
     return Checked(name, "event" if once else "suggested", explained, total, steady)
-
-
-_NORMAL_SHARE = float(normal.cdf(CRITERIA.confirmed))
-"""Share of a normal distribution below `CRITERIA.confirmed` standard deviations."""
 
 
 def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
