@@ -17,7 +17,8 @@ from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
 from jbridge.simulation.inputs import Lane
-from jbridge.simulation.rollout import readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
 
 PERIOD = 0.005
 """Sampling period of the rig [s]."""

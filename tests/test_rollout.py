@@ -13,7 +13,9 @@ from jbridge._types import AXES
 from jbridge.model.parameters import ParameterTable, with_values
 from jbridge.model.plant import Plant
 from jbridge.simulation.inputs import drive_inputs
-from jbridge.simulation.rollout import MIDPOINT, RK4, Motions, initial_motion, play, rollout
+from jbridge.simulation.rollout import play, rollout
+from jbridge.simulation.runge_kutta import MIDPOINT, RK4
+from jbridge.simulation.state import Motions, initial_motion
 from tests.problems import (
     CART_ALONE,
     EVERY_AXIS,

@@ -45,7 +45,7 @@ class Stage(NamedTuple):
     z: Scalar | None = None
     """Relative deflection of a hysteresis' spring, None without one."""
     lead: Scalar | float = 0.0
-    """See `rollout.Method`."""
+    """See `runge_kutta.Method`."""
 
 
 class Step(NamedTuple):

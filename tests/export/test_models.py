@@ -17,7 +17,9 @@ from jbridge.export.c import controller_header
 from jbridge.export.models import matlab_function, mujoco_xml, state_space, state_space_module
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
-from jbridge.simulation.rollout import RK4, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import RK4
 from jbridge.tuning.lqr import linear_model
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
 

@@ -14,7 +14,7 @@ from jbridge.identification.sensitivity.engine import Job
 from jbridge.identification.sensitivity.windowed_rollout import BLOCK, predicted_with_tangents
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
-from jbridge.simulation.rollout import MIDPOINT
+from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.identification.cases import play, steps
 from tests.problems import EVERY_AXIS, NUMBERS, make_lane, make_plant, measure, simulate
 

@@ -25,7 +25,10 @@ from jbridge.model.effects.base import (
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
 from jbridge.model.plant import Motion
 from jbridge.simulation.inputs import drive_inputs
-from jbridge.simulation.rollout import MIDPOINT, Motions, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import MIDPOINT
+from jbridge.simulation.state import Motions
 from tests.problems import (
     NUMBERS,
     PERIOD,
