@@ -12,8 +12,9 @@ from jbridge._types import Axes, Scalar
 from jbridge.compilation import programs
 from jbridge.compilation.programs import Program, keep_in
 from jbridge.model.bridge import Bridge
-from jbridge.model.effects.base import AbstractForce, parameter
+from jbridge.model.effects.base import AbstractForce
 from jbridge.model.effects.catalogue import KINDS, make_effect
+from jbridge.model.effects.fields import parameter
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from .._types import Axes
 from ..model.bridge import Bridge, inverse
-from ..model.effects.base import AbstractEffect, options_of, parameters_of, unit_at
+from ..model.effects.base import AbstractEffect, unit_at
+from ..model.effects.fields import options_of, parameters_of
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 
 from ...model.bridge import Bridge
-from ...model.effects.base import ParameterInfo, parameters_of
 from ...model.effects.catalogue import KINDS
+from ...model.effects.fields import ParameterInfo, parameters_of
 from ...model.names import kind_name, site_name, spaced
 
 WRONG_VALUE = "wrong_value"
