@@ -3,10 +3,8 @@
 import json
 
 import numpy as np
-import pytest
 
-from jbridge.cli import main
-from jbridge.report.control.paper import paper_tables
+from experiments.paper.figures import draw, table
 
 T = np.linspace(0.0, 5.0, 101)
 
@@ -39,24 +37,15 @@ def made_up():
     return json.loads(json.dumps(content, default=lambda a: a.tolist()))
 
 
-@pytest.fixture
-def data(tmp_path):
-    path = tmp_path / "paper.json"
-    path.write_text(json.dumps(made_up()))
-    return path
-
-
-def test_figures_have_their_counterparts_numbers(data, tmp_path, capsys):
-    out = tmp_path / "figures"
-    assert main(["figures", "--data", str(data), "--out", str(out)]) == 0
+def test_figures_have_their_counterparts_numbers(tmp_path):
+    draw(made_up(), tmp_path)
     wanted = {f"paper-figure-{n}.png" for n in (1, 4, 5, 6, 8, 9, 10)} | {"paper-friction.png", "paper-table.md"}
-    assert {path.name for path in out.iterdir()} == wanted
-    assert all(path.stat().st_size > 5000 for path in out.glob("*.png"))
-    assert str(out / "paper-figure-10.png") in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == wanted
+    assert all(path.stat().st_size > 5000 for path in tmp_path.glob("*.png"))
 
 
 def test_tables_tell_what_was_measured():
-    said = paper_tables(made_up())
+    said = table(made_up())
     assert "| m_1 | 5.5 kg | 5.5 kg |" in said
     assert "| cart position x | error | -3 | 3 | m |" in said and "| rope length l | voltage | -10 | 10 | V |" in said
     assert "median error 5.0 %" in said and "error of x over the steps 10.0 mm before, 0.00 mm after" in said
@@ -65,33 +54,13 @@ def test_tables_tell_what_was_measured():
     assert "| cart_gain | 16 N/V | 16.8 | +5.00 % |" in said and "cart_mass" not in said
 
 
-@pytest.mark.parametrize(
-    ("content", "complaint"), [(None, "no such file"), ("{", "not the data"), ("{}", "has no steps, tracking")]
-)
-def test_what_is_missing_is_said(tmp_path, capsys, content, complaint):
-    path = tmp_path / "paper.json"
-    if content is not None:
-        path.write_text(content)
-    assert main(["figures", "--data", str(path), "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert complaint in said and said.count("\n") == 1
-
-
 def test_starts_and_diagnosis_are_told_where_they_were_run(tmp_path):
     content = made_up()
-    assert "random starts" not in paper_tables(content)
-    ratios = [1.0, 1.005, 3.0]
+    assert "random starts" not in table(content)
     number = {"name": "cart_gain", "start": [10.0, 20.0, 30.0], "found": [16.0, 16.1, 25.0]}
-    content["starts"] = {"ratios": ratios, "numbers": [number], "window": 2.0}
+    content["starts"] = {"ratios": [1.0, 1.005, 3.0], "numbers": [number], "window": 2.0}
     content["diagnosis"] = {"verdict": "missing_physics", "effects": [["dead_zone", "cart_drive"]], "seconds": 1.0}
-    text = paper_tables(content)
+    text = table(content)
     assert "2 of 3 random starts" in text and "dead zone, cart drive" in text
-    data = tmp_path / "paper.json"
-    data.write_text(json.dumps(content))
-    assert main(["figures", "--data", str(data), "--out", str(tmp_path)]) == 0
+    draw(content, tmp_path)
     assert (tmp_path / "paper-starts.png").stat().st_size > 5000
-
-
-def test_a_folder_is_no_data(tmp_path, capsys):
-    assert main(["figures", "--data", str(tmp_path), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
