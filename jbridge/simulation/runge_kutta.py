@@ -16,7 +16,7 @@ from .._types import Axes, Scalar
 from ..compilation.programs import returned
 from ..model.effects.base import AXIS_OF_SITE
 from ..model.effects.drives import LAGS, SpeedDrive
-from ..model.equations import Push, Stage, Step, accelerations
+from ..model.equations import Stage, Step, accelerations
 from ..model.plant import Motion, Plant
 from .inputs import INSTANT
 from .state import Motions
@@ -120,10 +120,9 @@ def advance(
     active: Axes,
     *,
     method: Method = MIDPOINT,
-    push: Push | None = None,
     looped: bool = False,
 ) -> Motions:
-    """The motion one interval later, with an optional push held over it (for linearisation).
+    """The motion one interval later.
 
     With `looped`, stages are a loop, which compiles in three quarters of the time. A backward pass computes each stage
     anew from its positions and velocities: that is less work than to write all of it to memory and to read it back.
@@ -158,7 +157,7 @@ def advance(
 
         # Inputs that change evenly and have these means.
         ends = (volts_at(3.0), volts_at(-3.0)) if loops else None
-        whole = Step(carry.q, carry.v, h, active, go, push, ends)
+        whole = Step(carry.q, carry.v, h, active, go, ends)
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             here = Stage(t + part.node * h, at.q, at.v, part.volts, at.z, part.lead)

@@ -11,14 +11,12 @@ of: nothing where a place was visited; one that was not takes the level of those
 Statistical Science 11, 1996)."""
 
 
-def ties(
-    table: ParameterTable, free: NDArray[np.int64], information: NDArray[np.float64], strength: float = _TIES
-) -> NDArray[np.float64]:
+def ties(table: ParameterTable, free: NDArray[np.int64], information: NDArray[np.float64]) -> NDArray[np.float64]:
     """Precision of the differences between neighbours in each vector of levels."""
     precision = np.zeros((len(free), len(free)))
     for members in table.vectors(free):
         step = np.diff(np.eye(len(members)), axis=0)
-        precision[np.ix_(members, members)] = strength * float(information[members].max()) * step.T @ step
+        precision[np.ix_(members, members)] = _TIES * float(information[members].max()) * step.T @ step
     return precision
 
 
