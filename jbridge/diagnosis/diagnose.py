@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from .._progress import Step, silent, with_progress
+from .._types import AXIS_OF_EQUATION
 from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import fit_structure, make_problem
@@ -20,6 +21,7 @@ from ..identification.setting import prepared, resolve
 from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty
 from ..model.files import Model
+from ..model.names import QUANTITIES
 from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
@@ -145,7 +147,7 @@ def _told(
         shown += traces((base.plant, checked.before), (final.plant, checked.after), "holdout")
     alarm = verdict != "adequate"
     place = location(search, effects, training) if alarm else Location(None, "none", {}, (), ())
-    axis = {"cart": "x", "swing": "psi", "hoist": "l"}.get(place.equation)
+    axis = AXIS_OF_EQUATION.get(place.equation)
     given = Counter((e.kind, e.site) for e in model.plant.effects)
     own = tuple(
         NamedEffect(
@@ -160,7 +162,7 @@ def _told(
         for number in range(1, count + 1)
     )
     worst = checked.worst((checked.after, checked.train_after))
-    unit = {"x": "m", "psi": "rad", "l": "m"}.get(worst[1], "")
+    _, unit = QUANTITIES.get(worst[1], ("", ""))
     sizes = [run.errors(worst[2]).get(worst[1], 0.0) for run in (checked.after, checked.train_after)]
     statement = verdict_sentence(
         verdict,
