@@ -222,3 +222,9 @@ def test_packages_have_at_most_a_dozen_modules():
         if len(modules) > 12:
             large[str(folder.relative_to(ROOT))] = len(modules)
     assert large == {}
+
+
+def test_tests_mirror_the_package():
+    folders = {path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")}
+    mirrored = {folder for folder in folders if folder.parts[:1] != ("experiments",)}
+    assert [str(folder) for folder in mirrored if not (ROOT / "jbridge" / folder).is_dir()] == []

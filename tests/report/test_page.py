@@ -12,9 +12,9 @@ import pytest
 from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery
 from jbridge.report.interactive import MOST_POINTS, report_data
-from tests import report_cases as cases
+from tests.report import cases
 
-ASSETS = Path(cases.__file__).parents[1] / "jbridge/report/assets"
+ASSETS = Path(cases.__file__).parents[2] / "jbridge/report/assets"
 
 
 def numbers(page):

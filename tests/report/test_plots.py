@@ -12,7 +12,7 @@ from jbridge.identification.result import Estimate
 from jbridge.report.figures.friction_map import draw_friction_map
 from jbridge.report.figures.gallery import OWN_NAME, choose, diagnosis_gallery, fit_gallery, misfit
 from jbridge.report.figures.residual_force import running_median
-from tests import report_cases as cases
+from tests.report import cases
 
 
 @pytest.fixture

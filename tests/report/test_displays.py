@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 import jbridge
 from jbridge.prediction import Simulation
-from tests import report_cases as cases
 from tests.identification.cases import make_recording
+from tests.report import cases
 
 TIMES = np.arange(200) * 0.01
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parents[1] / "experiments" / "fuzz"
+HERE = Path(__file__).parents[2] / "experiments" / "fuzz"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
 import corpus  # noqa: E402

@@ -17,7 +17,7 @@ from jbridge.fuzzy.rules import Variable, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
 from jbridge.report import save as saving
 from jbridge.report.figures.gallery import Gallery
-from tests import report_cases as cases
+from tests.report import cases
 
 MODEL = """\
 [bridge]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mujoco", reason="cases are played by MuJoCo")
-SCRIPT = Path(__file__).parents[1] / "experiments" / "benchmark" / "run.py"
+SCRIPT = Path(__file__).parents[2] / "experiments" / "benchmark" / "run.py"
 spec = importlib.util.spec_from_file_location("benchmark", SCRIPT)
 benchmark = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(benchmark)

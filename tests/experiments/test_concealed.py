@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from jbridge.model.effects.catalogue import CATALOGUE
 
 pytest.importorskip("mujoco")
-HERE = Path(__file__).parents[1] / "experiments" / "concealed"
+HERE = Path(__file__).parents[2] / "experiments" / "concealed"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
 cases, kinds, play, rig, scoring, seal, sensors, tables = (

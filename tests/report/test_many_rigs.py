@@ -8,7 +8,7 @@ import pytest
 
 import jbridge
 from jbridge.__main__ import main
-from tests.report_cases import cart_alone
+from tests.report.cases import cart_alone
 
 MODEL = "[bridge]\ncart_mass = 2.0\ncart_damping = 10.0\ncart_gain = 5.0\nknown = ['cart_mass']\n"
 

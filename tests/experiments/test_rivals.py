@@ -10,7 +10,7 @@ import pytest
 import jbridge
 
 pytest.importorskip("pysindy")
-HERE = Path(__file__).parents[1] / "experiments" / "concealed"
+HERE = Path(__file__).parents[2] / "experiments" / "concealed"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
 balance, rivals, tables = (importlib.import_module(name) for name in ("balance", "rivals", "tables"))

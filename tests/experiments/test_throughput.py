@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-HERE = Path(__file__).parents[1] / "experiments" / "throughput"
+HERE = Path(__file__).parents[2] / "experiments" / "throughput"
 sys.path.insert(0, str(HERE))  # the scripts of an experiment import their neighbours by plain names
 
 import cpp  # noqa: E402

@@ -15,7 +15,7 @@ from jbridge.report.diagnosis.page import diagnosis_page
 from jbridge.report.figures.gallery import Gallery
 from jbridge.report.text.html import page
 from jbridge.report.text.tables import Table
-from tests import report_cases as cases
+from tests.report import cases
 
 PAPER = 680
 """Width between the margins of A4 [CSS pixels]."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mujoco")
-sys.path.insert(0, str(Path(__file__).parents[1] / "experiments" / "concealed"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "experiments" / "concealed"))
 ceiling, play, seal = (importlib.import_module(name) for name in ("ceiling", "play", "seal"))
 
 HALVES = ("dev", "laws")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mujoco")
-sys.path.insert(0, str(Path(__file__).parents[1] / "experiments" / "concealed"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "experiments" / "concealed"))
 run, play, seal = (importlib.import_module(name) for name in ("run", "play", "seal"))
 
 CASES = [f"dev-{number:02d}" for number in range(1, 49, 2)]

@@ -24,7 +24,7 @@ from jbridge.report.files import check_output, write_text
 from jbridge.report.text.quantities import shown, shown_entries
 from jbridge.report.text.rows import error_rows, parts
 from jbridge.report.text.tables import Table
-from tests import report_cases as cases
+from tests.report import cases
 
 VERDICTS = ["missing_physics", "adequate", "unknown"]
 KEYS = {
