@@ -36,6 +36,17 @@ NUMBERS = {
     "hoist_gain": 3.0,
 }
 """The paper's bridge with the assumed values of what the paper does not give, SI and volts."""
+
+
+def model_text(*effects: tuple[str, str, dict]) -> str:
+    """A model file of this bridge with effects, each as `(kind, site, parameters)`."""
+    lines = ["[bridge]", *(f"{key} = {value}" for key, value in NUMBERS.items())]
+    for kind, site, values in effects:
+        numbers = (f"{key} = {value}" for key, value in values.items())
+        lines += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *numbers]
+    return "\n".join([*lines, ""])
+
+
 LOSSLESS = {"cart_damping": 0.0, "swing_damping": 0.0, "hoist_damping": 0.0}
 
 EVERY_AXIS = (1.0, 1.0, 1.0)

@@ -17,8 +17,10 @@ from jbridge.fuzzy.rules import Variable, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno
 from jbridge.report import save as saving
 from jbridge.report.figures.gallery import Gallery
+from tests.problems import model_text
 from tests.report import cases
 
+FRICTION = ("coulomb_friction", "cart", {"level": 4.0})
 MODEL = """\
 [bridge]
 cart_mass = 5.5
@@ -347,7 +349,7 @@ def test_set_up_survives_a_cache_that_cannot_be_written(tmp_path):
 def test_control_moves_the_load(tmp_path, capsys):
     """The paper's controllers and moves by default; what is written can be used again."""
     model = tmp_path / "model.toml"
-    model.write_text(CONTROL_MODEL)
+    model.write_text(model_text(FRICTION))
     reference = tmp_path / "reference.toml"
     reference.write_text("points = [[0.0, 0.3], [0.3, 0.4]]\nrest = 2.0\n")
     out = tmp_path / "out"
@@ -393,7 +395,7 @@ SLOW_RULES = [pytest.param(rules, marks=pytest.mark.slow) for rules in ("given",
 def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
     """Two steps on two bridges: what is written is there, can be used, and is told."""
     model, out = tmp_path / "model.toml", tmp_path / "out"
-    model.write_text(CONTROL_MODEL)
+    model.write_text(model_text(FRICTION))
     (tmp_path / "given.toml").write_text(SMALL_CONTROLLER)
     begin = ["--controller", str(tmp_path / "given.toml")] if rules == "given" else ["--rules", rules]
     begin += ["--shaping", "zvd"] if rules == "pid" else []
@@ -425,7 +427,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, capsys, rules):
 ])  # fmt: skip
 def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
-    Path("model.toml").write_text(CONTROL_MODEL)
+    Path("model.toml").write_text(model_text(FRICTION))
     Path("sugeno.toml").write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     Path("folder.toml").write_text('kind = "fuzzy"\ncart = "."\nhoist = "."\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
@@ -437,7 +439,7 @@ def test_what_tune_cannot_do_is_said_in_one_line(tmp_path, capsys, monkeypatch, 
 
 def test_a_sugeno_controller_moves_the_load_and_comes_back(tmp_path, capsys):
     model, given, out = tmp_path / "model.toml", tmp_path / "given.toml", tmp_path / "out"
-    model.write_text(CONTROL_MODEL)
+    model.write_text(model_text(FRICTION))
     given.write_text('kind = "fuzzy"\nangle_unit = "deg"\ncart = "cart.fis"\nhoist = "hoist.fis"\n')
     for name, inputs in (("cart", ("error", "velocity", "angle")), ("hoist", ("error", "velocity"))):
         jbridge.save_fis(tmp_path / f"{name}.fis", sugeno(inputs))
@@ -468,21 +470,3 @@ def test_a_cart_alone_cannot_be_controlled(tmp_path, capsys):
     assert main(["control", str(model), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "no load_mass" in said and said.count("\n") == 1 and not (tmp_path / "out").exists()
-
-
-CONTROL_MODEL = """
-[bridge]
-cart_mass = 5.5
-load_mass = 0.143
-winch_mass = 0.1
-cart_damping = 45.0
-swing_damping = 0.0015
-hoist_damping = 25.0
-cart_gain = 16.0
-hoist_gain = 3.0
-
-[[effect]]
-kind = "coulomb_friction"
-site = "cart"
-level = 4.0
-"""
