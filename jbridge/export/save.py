@@ -43,8 +43,11 @@ def save_export(
         The file: `NAME.h`, `NAME.fmu`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
 
     Raises:
+        ValueError: there is no such target.
         InputError: the source cannot be read, is of the other kind, or has what the language cannot say.
     """
+    if target not in TARGETS:
+        raise ValueError(f"unknown target {target!r}; choose among {', '.join(TARGETS)}")
     path = Path(source)
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
