@@ -52,7 +52,7 @@ def solve(
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
     active = np.ones(len(starts), bool)
-    for done in range(1, iterations + 1):
+    for _ in range(iterations):
         chosen = [int(i) for i in np.flatnonzero(active)]
         if not chosen:
             break
@@ -75,7 +75,7 @@ def solve(
                 pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
                 gain = points[i].value - new.value
                 if gain > 0:
-                    points[i] = dataclasses.replace(new, iterations=done)
+                    points[i] = new
                     damping[i] = max(0.1 * damping[i], 1e-9)
                     active[i] = gain > tolerance * max(1.0, 1e-3 * abs(new.value))
                 elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):

@@ -33,7 +33,6 @@ class Point:
     """Mean square of each window's errors over the noise's variance, by window and channel."""
     value: float
     """The criterion without a price."""
-    iterations: int = 0
 
     @property
     def start(self) -> Start:
