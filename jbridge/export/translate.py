@@ -187,8 +187,8 @@ class Translator:
         for end in range(len(value) - 1, 0, -1):
             for k in range(end):
                 pair = [np.asarray(value[k], object), np.asarray(value[k + 1], object)]
-                value[k] = self._each(ELEMENTWISE["min"], pair)
-                value[k + 1] = self._each(ELEMENTWISE["max"], pair)
+                value[k] = self._each(ELEMENTWISE["min"], pair)[()]
+                value[k + 1] = self._each(ELEMENTWISE["max"], pair)[()]
         return [np.moveaxis(value, 0, equation.params["dimension"])]
 
     def _moved(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
