@@ -43,7 +43,7 @@ figures: $(INSTALLED) ## Redraw all figures from their saved data, and the READM
 	$(BIN)/python experiments/benchmark/run.py --figures
 	$(BIN)/python experiments/memory.py --figures
 	$(BIN)/python experiments/mutation.py --figures
-	$(BIN)/jbridge figures
+	$(BIN)/python experiments/paper/run.py --figures
 	$(BIN)/python experiments/throughput/throughput.py --figures
 	$(BIN)/python experiments/throughput/gpu.py --figures
 	$(BIN)/python experiments/gradients.py --figures

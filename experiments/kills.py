@@ -1,6 +1,6 @@
 """What lies on disk after a command was killed at any moment? SIGKILL at random times, then the same command again.
 
-    python experiments/kills.py              200 kills over fit, diagnose, tune, sweep and figures: hours
+    python experiments/kills.py              200 kills over fit, diagnose, tune and sweep: hours
     python experiments/kills.py --kills 10   two of each
 
 Every file that a killed command leaves must be whole: it is read back. The command is then called again over what was
@@ -72,7 +72,6 @@ COMMANDS = {
         "OUT",
     ],
     "sweep": ["sweep", "spec.toml", "--workers", "0", "--out", "OUT"],
-    "figures": ["figures", "--data", str(ROOT / "figures" / "data" / "paper.json"), "--out", "OUT"],
 }
 OTHERS = {
     "check": ["check", "cart.toml", "a.csv", "b.csv", "--out", "OUT"],

@@ -76,7 +76,6 @@ def commands(folder: Path) -> dict[str, list[str]]:
             str(folder / "sweep"),
         ],
         "export, a model in C": ["export", bridge, "--to", "c", *out],
-        "figures": ["figures", *out],
         "check, 10 min at 1 kHz": ["check", model, long],
         "fit, 10 min at 1 kHz": ["fit", model, long, *out],
         "simulate, 10 min at 1 kHz": ["simulate", model, "--input", long, "--out", str(folder / "simulated-long.csv")],

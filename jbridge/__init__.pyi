@@ -53,7 +53,6 @@ from .recordings import save_csv as save_csv
 from .report.check import describe_check as describe_check
 from .report.check import save_check as save_check
 from .report.control.comparison_text import describe_rivals as describe_rivals
-from .report.control.paper import save_paper as save_paper
 from .report.control.tracking import describe_tracking as describe_tracking
 from .report.control.tracking import save_tracking as save_tracking
 from .report.control.tuning import describe_tuning as describe_tuning

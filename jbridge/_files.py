@@ -40,6 +40,18 @@ def _beside(target: Path) -> Iterator[Path]:
             part.unlink()
 
 
+def make_folder(folder: Path) -> None:
+    """Makes a folder and those above it; one that exists will do.
+
+    Raises:
+        InputError: if that is not possible.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
+
+
 def replace_text(target: Path, text: str) -> None:
     """Writes a text file in UTF-8; it appears whole or not at all, and an existing file is replaced.
 

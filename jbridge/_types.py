@@ -26,3 +26,4 @@ AXES = ("x", "psi", "l")
 """The axes' names, which are the measured channels' names too."""
 EQUATIONS = {"x": "cart", "psi": "swing", "l": "hoist"}
 """The equation of motion that belongs to each axis."""
+AXIS_OF_EQUATION = {equation: axis for axis, equation in EQUATIONS.items()}

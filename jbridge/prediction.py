@@ -21,7 +21,9 @@ from .model.plant import Motion, Plant
 from .model.steps import substeps
 from .recordings import Recording
 from .simulation.inputs import Lane
-from .simulation.rollout import RK4, read, readings, rollout
+from .simulation.measurement import read, readings
+from .simulation.rollout import rollout
+from .simulation.runge_kutta import RK4
 
 _STEP = 0.0025
 """Longest step of a rigid bridge [s]."""

@@ -9,15 +9,17 @@ from numpy.typing import ArrayLike
 
 from jbridge._types import Axes
 from jbridge.model.bridge import Bridge
-from jbridge.model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractMechanism, options_of, parameters_of
+from jbridge.model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractMechanism
 from jbridge.model.effects.cable import CableDrag
 from jbridge.model.effects.catalogue import KINDS, make_effect
 from jbridge.model.effects.drives import SpeedDrive
+from jbridge.model.effects.fields import options_of, parameters_of
 from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
 from jbridge.simulation.inputs import Lane
-from jbridge.simulation.rollout import readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
 
 PERIOD = 0.005
 """Sampling period of the rig [s]."""
@@ -34,6 +36,17 @@ NUMBERS = {
     "hoist_gain": 3.0,
 }
 """The paper's bridge with the assumed values of what the paper does not give, SI and volts."""
+
+
+def model_text(*effects: tuple[str, str, dict]) -> str:
+    """A model file of this bridge with effects, each as `(kind, site, parameters)`."""
+    lines = ["[bridge]", *(f"{key} = {value}" for key, value in NUMBERS.items())]
+    for kind, site, values in effects:
+        numbers = (f"{key} = {value}" for key, value in values.items())
+        lines += ["[[effect]]", f'kind = "{kind}"', f'site = "{site}"', *numbers]
+    return "\n".join([*lines, ""])
+
+
 LOSSLESS = {"cart_damping": 0.0, "swing_damping": 0.0, "hoist_damping": 0.0}
 
 EVERY_AXIS = (1.0, 1.0, 1.0)

@@ -173,6 +173,15 @@ def test_every_import_is_a_dependency():
     assert missing == []
 
 
+def test_every_dependency_is_imported():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.split(r"[^\w.-]", entry)[0].lower().replace("_", "-") for entry in project["dependencies"]}
+    tops = {found.module.split(".")[0] for path, source in sources("jbridge") for found in imports(path, source)}
+    providers = packages_distributions()
+    imported = {name.lower().replace("_", "-") for top in tops for name in providers.get(top, [top])}
+    assert declared - imported == {"flatbuffers"}  # which jax.export asks for
+
+
 @pytest.mark.parametrize(
     ("path", "source", "complaint"),
     [
@@ -222,3 +231,9 @@ def test_packages_have_at_most_a_dozen_modules():
         if len(modules) > 12:
             large[str(folder.relative_to(ROOT))] = len(modules)
     assert large == {}
+
+
+def test_tests_mirror_the_package():
+    folders = {path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")}
+    mirrored = {folder for folder in folders if folder.parts[:1] != ("experiments",)}
+    assert [str(folder) for folder in mirrored if not (ROOT / "jbridge" / folder).is_dir()] == []

@@ -116,7 +116,7 @@ def test_two_results_do_not_mix_in_one_folder(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["fit", "sweep", "figures", "export"])
+@pytest.mark.parametrize("name", ["fit", "sweep", "export"])
 def test_two_commands_with_one_folder_end_as_one_of_them(tmp_path, name):
     kills.prepare(tmp_path)
     assert ended(start(tmp_path, name, "alone")) == (0, "")

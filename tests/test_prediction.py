@@ -9,10 +9,10 @@ from jbridge import InputError, fit, load_model, load_recording, save_model, sim
 from jbridge.identification.evaluation.judge import make_judge
 from jbridge.identification.setting import setting_of
 from tests.identification.cases import DRY, cart_model, cart_recordings, make_recording
-from tests.problems import NUMBERS, make_lane, make_plant, make_state, measure
+from tests.problems import make_lane, make_plant, make_state, measure, model_text
 from tests.problems import simulate as engine
 
-BRIDGE = "[bridge]\n" + "".join(f"{key} = {value}\n" for key, value in NUMBERS.items())
+BRIDGE = model_text()
 CART = "[bridge]\ncart_mass = 5.5\ncart_damping = 45.0\ncart_gain = 16.0\n"
 ROPE_LOCKED = CART + "load_mass = 0.143\nswing_damping = 0.0015\n"
 TIMES = np.arange(401) * 0.01

@@ -2,9 +2,10 @@
 
     python experiments/paper/run.py                 all but the last stage, from scratch (needs the extra `proof`)
     python experiments/paper/run.py --only record   one stage: record, estimate, validate, control, starts, diagnose
+    python experiments/paper/run.py --figures       only redraws the figures and the table from what is kept
 
-Recordings and fits go below out/paper; what the figures show goes to figures/data/paper.json, from which `jbridge
-figures` redraws them. Whatever the paper calls the real device is here the virtual rig (`virtual.py`).
+Recordings and fits go below out/paper; what the figures show goes to figures/data/paper.json. Whatever the paper
+calls the real device is here the virtual rig (`virtual.py`).
 """
 
 import argparse
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import jbridge
+from figures import draw
 from procedure import plan, steps
 from virtual import HERE, RAIL, open_truth, play, sampled
 
@@ -181,7 +183,9 @@ def diagnose() -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=STAGES, action="append", help="these stages, of what is there already")
-    chosen = parser.parse_args().only or [stage for stage in STAGES if stage != "diagnose"]
+    parser.add_argument("--figures", action="store_true", help="only redraw")
+    arguments = parser.parse_args()
+    chosen = [] if arguments.figures else arguments.only or [stage for stage in STAGES if stage != "diagnose"]
     jbridge.set_up()
     DATA.parent.mkdir(parents=True, exist_ok=True)
     for stage in chosen:
@@ -189,6 +193,7 @@ def main() -> None:
         found = globals()[stage]() or {}
         saved = json.loads(DATA.read_text()) if DATA.exists() else {}
         DATA.write_text(json.dumps(saved | found, indent=None) + "\n")
+    draw(json.loads(DATA.read_text()), DATA.parent.parent)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """`diagnose`: what a model lacks, from recordings, and the proof on recordings that took no part."""
 
 import dataclasses
+import functools
 import math
 import time
 from collections import Counter
@@ -10,33 +11,33 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from .._progress import Step, silent, with_progress
+from .._types import AXIS_OF_EQUATION
 from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
-from ..identification.estimation import Problem, fit_structure, make_problem
+from ..identification.estimation import fit_structure, make_problem
 from ..identification.evaluation.errors import WINDOW
-from ..identification.result import Errors, Estimate
+from ..identification.result import Errors
 from ..identification.setting import prepared, resolve
 from ..identification.traces import traces
-from ..identification.uncertainty import as_uncertainty, covariance, estimates, warnings
-from ..model.effects.catalogue import CATALOGUE
+from ..identification.uncertainty import as_uncertainty
 from ..model.files import Model
-from ..model.parameters import ParameterTable
+from ..model.names import QUANTITIES
 from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
-from .experiment_design.discrimination import Contender
+from .equivalents import contenders, estimated, named_effect, parameters_of
 from .experiment_design.next_experiment import next_experiment
 from .localization.location import location, repeatable
-from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect, Rival
-from .selection.moves import AT_ONCE, axis_of
+from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect
+from .selection.moves import AT_ONCE
 from .selection.search import Search, select
 from .structures.candidates import WRONG_VALUE
 from .structures.space import make_space
-from .structures.structure import Structure, base_structure
+from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
-from .validation.validate import Checked, Fixed, Validation, of_its_own, unopened, validate, whole_errors
-from .words import amount, effect_sentence, verdict_sentence
+from .validation.validate import Validation, of_its_own, unopened, validate, whole_errors
+from .words import amount, verdict_sentence
 
 BUDGET = 300.0
 """Time that a diagnosis takes, about [s]."""
@@ -131,11 +132,14 @@ def _told(
     setting, base, final, opened = problem.setting, checked.given, checked.final, search.stopped != "interrupted"
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
-    values, doubts = _estimated(problem, final)
-    searched = values if final.names == found.names else _estimated(problem, of_its_own(problem, found))[0] | values
+    values, doubts = estimated(problem, final)
+    searched = values if final.names == found.names else estimated(problem, of_its_own(problem, found))[0] | values
+    on_holdout = functools.partial(whole_errors, problem, sealed=sealed)
     with ThreadPoolExecutor(AT_ONCE) as pool:
         # Explanations that are not told apart have programs of their own.
-        named = [pool.submit(_named, search, sealed, c, searched, c.name in final.names) for c in checked.checked]
+        named = [
+            pool.submit(named_effect, search, c, searched, c.name in final.names, on_holdout) for c in checked.checked
+        ]
         effects = tuple(each.result() for each in named)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")
     training = shown
@@ -143,7 +147,7 @@ def _told(
         shown += traces((base.plant, checked.before), (final.plant, checked.after), "holdout")
     alarm = verdict != "adequate"
     place = location(search, effects, training) if alarm else Location(None, "none", {}, (), ())
-    axis = {"cart": "x", "swing": "psi", "hoist": "l"}.get(place.equation)
+    axis = AXIS_OF_EQUATION.get(place.equation)
     given = Counter((e.kind, e.site) for e in model.plant.effects)
     own = tuple(
         NamedEffect(
@@ -158,7 +162,7 @@ def _told(
         for number in range(1, count + 1)
     )
     worst = checked.worst((checked.after, checked.train_after))
-    unit = {"x": "m", "psi": "rad", "l": "m"}.get(worst[1], "")
+    _, unit = QUANTITIES.get(worst[1], ("", ""))
     sizes = [run.errors(worst[2]).get(worst[1], 0.0) for run in (checked.after, checked.train_after)]
     statement = verdict_sentence(
         verdict,
@@ -169,7 +173,7 @@ def _told(
         complete=complete,
         stopped=search.stopped,
     )
-    rivals = _contenders(search, effects) if opened else []
+    rivals = contenders(search, effects) if opened else []
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})
     return Diagnosis(
@@ -224,148 +228,6 @@ def _horizons(checked: Validation) -> tuple[Horizon, ...]:
         for h in before.horizons
         if not math.isinf(h)
     )
-
-
-def _estimated(problem: Problem, final: Fixed) -> tuple[dict[str, Estimate], list[str]]:
-    """Every number of the final model with its interval, and what the recordings do not determine."""
-    cov = covariance(problem, final.engine, final.point)
-    table = ParameterTable(final.plant, problem.setting.units)
-    vector, free = final.point.vector, final.point.free
-    return estimates(table, vector, free, cov, problem.setting.period), warnings(table, vector, free, cov)
-
-
-def parameters_of(
-    kind: str, site: str, values: Mapping[str, Estimate], number: int | None = None
-) -> dict[str, Estimate]:
-    """Estimates of an effect by key.
-
-    Args:
-        kind, site: of the effect.
-        values: of all parameters.
-        number: which of several of its kind and site, from 1; the latest by default.
-    """
-    if kind == WRONG_VALUE:
-        return {"value": values[site]}
-    owners = {name.rpartition(".")[0] for name in values if "." in name}
-    mine = sorted((o for o in owners if o.split("#")[0] == f"{kind}@{site}"), key=lambda o: (len(o), o))
-    if not mine:
-        return {}
-    owner = mine[-1 if number is None else number - 1]
-    return {name.removeprefix(f"{owner}."): e for name, e in values.items() if name.startswith(f"{owner}.")}
-
-
-# ------------------------------------------------------------------ explanations that cannot be told apart
-
-
-def _round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
-    """The model that an effect was added to, and all that were tried in its place, the effect's own first.
-
-    One that took the place of another was tried where that one was added. What the final model has as well was not in
-    its place, and what acts on another axis, where the final model has other effects, was in theirs, unless the
-    catalogue says that some recordings cannot tell the two apart.
-    """
-    final = set(search.held[-1].names) - {name}
-    taken = {axis_of(other) for other in final} - {axis_of(name)}
-    for before, tried, after in zip(search.held, search.tried, search.held[1:], strict=False):
-        adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
-        new = [next(iter(set(s.names) - set(before.names))) for s in adding]
-        free = [n not in final and (axis_of(n) not in taken or _declared(name, n)) for n in new]
-        adding = [s for s, own in zip(adding, free, strict=True) if own]
-        own = [s for s in adding if name in s.names and name not in before.names]
-        placed = {n for n in after.names if n not in before.names and axis_of(n) == axis_of(name)}
-        if own and placed - final:
-            return before, [own[0], *(s for s in adding if s is not own[0])]
-    return None
-
-
-def _declared(one: tuple[str, str], other: tuple[str, str]) -> bool:
-    """Whether the catalogue says of two effects that some recordings cannot tell them apart."""
-    pairs = ((one, other), (other, one))
-    return any(
-        (each.own_site, each.kind, each.site) == (a[1], *b)
-        for a, b in pairs
-        if a[0] in CATALOGUE
-        for each in CATALOGUE[a[0]].alike
-    )
-
-
-def _chances(members: Sequence[Structure]) -> np.ndarray:
-    """Weight of each by the criterion, the mean over resamples of the blocks.
-
-    Where one is the best by far in every resample, it is the share of resamples in which it is; two that differ by
-    next to nothing have half each.
-    """
-    blocks = np.stack([s.blocks for s in members])
-    prices = np.array([s.price for s in members])
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(0, blocks.shape[1], (CRITERIA.bootstrap, blocks.shape[1]))
-    values = blocks[:, drawn].sum(axis=2) + prices[:, None]
-    weights = np.exp(values.min(axis=0) - values)
-    return (weights / weights.sum(axis=0)).mean(axis=1)
-
-
-def _named(
-    search: Search, sealed: HoldOut, checked: Checked, values: Mapping[str, Estimate], in_model: bool
-) -> NamedEffect:
-    """An effect with what cannot be told from it."""
-    kind, site = checked.name
-    parameters = parameters_of(kind, site, values)
-    found = _round_of(search, checked.name)
-    rivals: list[Rival] = []
-    own = 1.0
-    if found is not None:
-        before, members = found
-        chances = _chances(members)
-        own = float(chances[0])
-        order = sorted(range(1, len(members)), key=lambda i: -chances[i])
-        near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
-        rivals = [_rival(search, sealed, before, members[i], float(chances[i])) for i in near]
-    statement = effect_sentence(kind, site, parameters, rivals)
-    return NamedEffect(
-        kind=kind,
-        site=site,
-        probability=own,
-        parameters=parameters,
-        equivalents=tuple(rivals),
-        statement=statement,
-        status=checked.status,
-        explained=checked.explained,
-        in_model=in_model,
-    )
-
-
-def _rival(search: Search, sealed: HoldOut, before: Structure, own: Structure, probability: float) -> Rival:
-    [name] = set(own.names) - set(before.names)
-    model = of_its_own(search.problem, own)
-    values, _ = _estimated(search.problem, model)
-    errors = whole_errors(search.problem, model, sealed)
-    return Rival(*name, probability, parameters_of(*name, values), errors)
-
-
-def _contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:
-    """The named effect that is least certain, and its rivals; empty where each name stands alone."""
-    unsure = [e for e in effects if e.equivalents]
-    if not unsure:
-        return []
-    effect = max(unsure, key=lambda e: sum(r.probability for r in e.equivalents))
-    found = _round_of(search, (effect.kind, effect.site))
-    if found is None:
-        return []
-    before, members = found
-    chances = {(effect.kind, effect.site): effect.probability or 0.0}
-    chances |= {(r.kind, r.site): r.probability for r in effect.equivalents}
-    out = []
-    for structure in members:
-        [name] = set(structure.names) - set(before.names)
-        if name not in chances:
-            continue
-        problem, point = search.problem, structure.point
-        [normal] = problem.normal(structure.space.engine, [point])
-        n = len(point.free)
-        gram = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
-        names = tuple(structure.space.table.entry(int(p)).name for p in point.free)
-        out.append(Contender(*name, max(chances[name], 1e-3), structure.plant, names, gram))
-    return out
 
 
 def _trials(search: Search) -> tuple[Mapping[str, object], ...]:

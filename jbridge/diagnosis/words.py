@@ -5,20 +5,9 @@ from collections.abc import Mapping, Sequence
 
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
-from ..model.names import explanation_name, site_name, spaced
+from ..model.names import explanation_name, quantity_name, site_name, spaced
 from .result import NamedEffect, Rival
 from .structures.candidates import WRONG_VALUE
-
-_CHANNEL_WORDS = {
-    "x": "cart position",
-    "psi": "swing angle",
-    "l": "rope length",
-    "u_x": "cart drive's input",
-    "u_l": "hoist drive's input",
-    "x_rate": "cart's speed",
-    "psi_rate": "rate of swing",
-    "l_rate": "hoist's speed",
-}
 
 
 def quantity(e: Estimate) -> str:
@@ -121,7 +110,7 @@ def verdict_sentence(
     """
     ratio, axis, horizon = worst
     where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
-    left = f"{remains} in the {_CHANNEL_WORDS.get(axis, axis)} {where}, is {_times(ratio)} times what noise explains"
+    left = f"{remains} in the {quantity_name(axis)} {where}, is {_times(ratio)} times what noise explains"
     late = " The time was over before the search had ended: give it more with --budget." if stopped == "budget" else ""
     if verdict is None:
         named = listed([e for e in effects])
@@ -129,7 +118,7 @@ def verdict_sentence(
     if verdict == "adequate":
         return (
             "The model explains the recordings: what remains is noise or the rig's own measured scatter, at most "
-            f"{_times(ratio)} times it ({_CHANNEL_WORDS.get(axis, axis)}, {where})."
+            f"{_times(ratio)} times it ({quantity_name(axis)}, {where})."
         )
     sure = [e for e in effects if e.status == "confirmed"]
     explain = "explains" if len(sure) == 1 else "explain"
@@ -149,7 +138,7 @@ def _shares(explained: Mapping[str, float]) -> str:
     """Shares of the hold-out's error at 1 s, channel by channel where there are several."""
     each = [share_of(share) if share > 0.0 else "nothing" for share in explained.values()] or ["nothing"]
     if len(each) > 1:
-        each = [f"{said} ({_CHANNEL_WORDS.get(a, a)})" for said, a in zip(each, explained, strict=True)]
+        each = [f"{said} ({quantity_name(a)})" for said, a in zip(each, explained, strict=True)]
     return f"{' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))} of the hold-out's error at 1 s"
 
 

@@ -11,15 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._types import Axes
+from .._types import AXIS_OF_EQUATION, Axes
 from ..model.bridge import Bridge, inverse
-from ..model.effects.base import AbstractEffect, options_of, parameters_of, unit_at
+from ..model.effects.base import AbstractEffect, unit_at
+from ..model.effects.fields import options_of, parameters_of
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model
 
 STATES = ("x", "psi", "l", "v_x", "v_psi", "v_l")
 """Of the linear system: positions [m, rad, m] and their rates."""
-_JOINTS = {"cart": "x", "swing": "psi", "hoist": "l"}
 
 
 def mujoco_xml(model: Model, rope: float) -> str:
@@ -36,7 +36,7 @@ def mujoco_xml(model: Model, rope: float) -> str:
     number = {name: repr(float(getattr(bridge, name))) for name in parameters_of(Bridge)}
     dry = {
         joint: repr(sum(float(e.level) for e in model.plant.all(CoulombFriction, site)))
-        for site, joint in _JOINTS.items()
+        for site, joint in AXIS_OF_EQUATION.items()
     }
     left_out = _names([e for e in model.plant.effects if not isinstance(e, CoulombFriction)])
     comment = f"\n  <!-- Without {left_out}, for which MuJoCo has no element. -->" if left_out else ""

@@ -4,7 +4,7 @@ import os
 import re
 from pathlib import Path
 
-from .._files import replacing
+from .._files import make_folder, replacing
 from .._toml import Where, read_toml
 from ..control.files import load_controller
 from ..errors import InputError
@@ -43,8 +43,11 @@ def save_export(
         The file: `NAME.h`, `NAME.fmu`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
 
     Raises:
+        ValueError: there is no such target.
         InputError: the source cannot be read, is of the other kind, or has what the language cannot say.
     """
+    if target not in TARGETS:
+        raise ValueError(f"unknown target {target!r}; choose among {', '.join(TARGETS)}")
     path = Path(source)
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
@@ -56,10 +59,7 @@ def save_export(
     else:
         Where(str(path)).refuse(f"a controller, but only models are exported to {target}; choose --to c")
     file = Path(folder) / f"{name}{end}"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
+    make_folder(file.parent)
     with replacing(file) as part:
         part.write_bytes(content if isinstance(content, bytes) else content.encode(errors="replace"))
     return file

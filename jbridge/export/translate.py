@@ -17,32 +17,14 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ..errors import InputError
 from .atoms import Atoms, c_type, elements, literal, numbers_in, taken
+from .expressions import ELEMENTWISE, FOLDS, expression
 
 _NAME = re.compile(r"\bv\d+\b")
-_OPERATIONS = {
-    "add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}", "abs": "fabs({})",
-    "max": "{0} > {1} ? {0} : {1}", "min": "{0} < {1} ? {0} : {1}", "square": "{0} * {0}",
-    "sin": "sin({})", "cos": "cos({})", "tan": "tan({})", "atan2": "atan2({}, {})", "tanh": "tanh({})",
-    "exp": "exp({})", "expm1": "expm1({})", "log": "log({})", "log1p": "log1p({})", "sqrt": "sqrt({})",
-    "rsqrt": "1 / sqrt({})", "pow": "pow({}, {})", "logistic": "1 / (1 + exp(-{}))", "floor": "floor({})",
-    "ceil": "ceil({})", "round": "rint({})", "sign": "({0} > 0) - ({0} < 0)", "rem": "fmod({}, {})",
-    "is_finite": "isfinite({})",
-    "lt": "{} < {}", "le": "{} <= {}", "gt": "{} > {}", "ge": "{} >= {}", "eq": "{} == {}", "ne": "{} != {}",
-    "lt_to": "{} < {}", "le_to": "{} <= {}", "and": "{} & {}", "or": "{} | {}", "xor": "{} ^ {}",
-    "clamp": "{1} < {0} ? {0} : ({1} > {2} ? {2} : {1})", "copy": "{}", "stop_gradient": "{}",
-}  # fmt: skip
-"""Of primitives that work element by element."""
-_WHOLE = {"rem": "{} % {}", "div": "{} / {}", "abs": "{0} < 0 ? -{0} : {0}"}
-"""The same where they are another operation for whole numbers."""
 _MOVES = {
     "broadcast_in_dim", "reshape", "squeeze", "expand_dims", "slice", "concatenate", "stack", "transpose", "rev",
     "split", "pad", "gather", "scatter", "dynamic_slice", "dynamic_update_slice",
 }  # fmt: skip
 """Primitives that move elements about, as far as their indices are known."""
-_FOLDS = {
-    "reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_prod": "mul", "reduce_or": "or",
-    "reduce_and": "and",
-}  # fmt: skip
 _INSIDE = {"jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "remat2", "checkpoint", "remat"}
 """Primitives that call a function."""
 
@@ -131,25 +113,21 @@ class Translator:
             return [np.asarray(each) for each in _bound(equation, *typed)]
         if name in _MOVES:
             return self._moved(equation, inputs)
-        whole = np.issubdtype(_aval(equation.outvars[0]).dtype, np.integer)
         special = {
             "select_n": self._select, "cond": self._cond, "while": self._while, "scan": self._scan,
             "cumsum": self._cumsum, "sort": self._sort,
         }.get(name)  # fmt: skip
         if special is not None:
             return special(equation, inputs)
-        if name in _FOLDS:
-            return [self._folded(_OPERATIONS[_FOLDS[name]], inputs[0], params["axes"])]
-        if name == "integer_pow":
-            return [self._each(_power(params["y"]), inputs)]
-        if name == "not":
-            return [self._each("!{}" if _aval(equation.outvars[0]).dtype == bool else "~{}", inputs)]
+        if name in FOLDS:
+            return [self._folded(FOLDS[name], inputs[0], params["axes"])]
         if name == "convert_element_type":
             return [self._converted(params["new_dtype"], _aval(equation.invars[0]).dtype, inputs[0])]
-        if name in _OPERATIONS:
-            template = _WHOLE.get(name, _OPERATIONS[name]) if whole else _OPERATIONS[name]
-            return [self._each(template, inputs, _aval(equation.outvars[0]).dtype)]
-        raise InputError(f"the model needs the operation {name}, which has no form in C here")
+        dtype = _aval(equation.outvars[0]).dtype
+        template = expression(name, dtype, params)
+        if template is None:
+            raise InputError(f"the model needs the operation {name}, which has no form in C here")
+        return [self._each(template, inputs, dtype)]
 
     def let(self, expression: str, dtype: Any = float) -> str:
         """Writes a constant and returns its name."""
@@ -199,7 +177,7 @@ class Translator:
         rows = list(np.moveaxis(inputs[0], axis, 0))[:: -1 if backwards else 1]
         total = [np.asarray(rows[0], object)]
         for row in rows[1:]:
-            total.append(self._each(_OPERATIONS["add"], [total[-1], np.asarray(row, object)]))
+            total.append(self._each(ELEMENTWISE["add"], [total[-1], np.asarray(row, object)]))
         return [np.moveaxis(np.stack(total[:: -1 if backwards else 1]), 0, axis)]
 
     def _sort(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
@@ -209,8 +187,8 @@ class Translator:
         for end in range(len(value) - 1, 0, -1):
             for k in range(end):
                 pair = [np.asarray(value[k], object), np.asarray(value[k + 1], object)]
-                value[k] = self._each(_OPERATIONS["min"], pair)
-                value[k + 1] = self._each(_OPERATIONS["max"], pair)
+                value[k] = self._each(ELEMENTWISE["min"], pair)[()]
+                value[k + 1] = self._each(ELEMENTWISE["max"], pair)[()]
         return [np.moveaxis(value, 0, equation.params["dimension"])]
 
     def _moved(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
@@ -352,11 +330,6 @@ class Translator:
 def _bound(equation: JaxprEqn, *values: Any) -> list[Any]:
     found = equation.primitive.bind(*map(jnp.asarray, values), **equation.primitive.get_bind_params(equation.params))
     return list(found) if equation.primitive.multiple_results else [found]
-
-
-def _power(exponent: int) -> str:
-    product = " * ".join(["{0}"] * abs(exponent))
-    return product if exponent > 0 else f"1 / ({product})"
 
 
 def _aval(variable: Any) -> Any:

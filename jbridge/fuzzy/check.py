@@ -17,7 +17,8 @@ from .inference import AbstractSystem, Mamdani
 from .norms import Maximum, Minimum, Product
 from .rules import Labelled, Rule, in_words
 
-_SAMPLES = 2000
+_SAMPLES = 1000
+"""Random inputs over the universes, and as many near the corners of the sets."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,16 +33,10 @@ class Idle:
     """The same in words."""
 
 
-def idle_parts(system: AbstractSystem, *, samples: int = _SAMPLES, seed: int = 0) -> Idle:
-    """Finds what can never change the output of a system.
-
-    Args:
-        system: what to look at.
-        samples: number of random inputs, spread over the universes, half of them near the corners of the sets.
-        seed: of the inputs.
-    """
+def idle_parts(system: AbstractSystem) -> Idle:
+    """Finds what can never change the output of a system."""
     rules = outdone_rules(system)
-    parameters = flat_parameters(system, samples=samples, seed=seed)
+    parameters = flat_parameters(system)
     sentences = []
     for idle, better in rules:
         text = in_words(system.rules[idle], system.inputs, system.outputs)
@@ -85,16 +80,15 @@ def _outdoes(strong: Rule, weak: Rule, shrinks: bool) -> bool:
     return (weak.any_of or len(more) == 1) and strong.any_of and more <= less
 
 
-def flat_parameters(system: AbstractSystem, *, samples: int = _SAMPLES, seed: int = 0) -> tuple[str, ...]:
+def flat_parameters(system: AbstractSystem) -> tuple[str, ...]:
     """Names of parameters on which no output depends at any of many random inputs."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     lows, highs = (np.array([float(getattr(v, end)) for v in system.inputs]) for end in ("low", "high"))
-    wide = rng.uniform(lows, highs, (samples - samples // 2, len(lows)))
+    wide = rng.uniform(lows, highs, (_SAMPLES, len(lows)))
     # Sets are often condensed, so half of the inputs are drawn close to where something happens.
     near = np.stack(
         [
-            rng.choice(_corners(system, i), samples // 2)
-            + 0.02 * (highs[i] - lows[i]) * rng.standard_normal(samples // 2)
+            rng.choice(_corners(system, i), _SAMPLES) + 0.02 * (highs[i] - lows[i]) * rng.standard_normal(_SAMPLES)
             for i in range(len(lows))
         ],
         axis=1,

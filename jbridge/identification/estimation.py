@@ -140,7 +140,7 @@ class Problem:
         return min(point, found, key=lambda p: p.value)
 
     def evaluate(self, engine: Engine, starts: Sequence[Start]) -> list[Point]:
-        return evaluate(engine, self.data, self.windows, self.likelihood, starts)
+        return evaluate(engine, self.data, self.likelihood, starts)
 
     def normal(self, engine: Engine, points: Sequence[Point]) -> list[Normal]:
         return normal_equations(engine, self.data, self.windows, self.likelihood, points)

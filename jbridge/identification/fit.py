@@ -112,24 +112,22 @@ class Starts:
     """The same after the fit."""
     ratios: NDArray[np.float64]
     """Error over noise of each."""
-    window: float | None
-    """Length of the windows that were fitted [s]; None for whole recordings."""
+    window: float
+    """Length of the windows that were fitted [s]."""
 
-    def arrived(self, within: float = 0.01) -> NDArray[np.bool_]:
-        """Which starts came within a share of the best one's error."""
-        return self.ratios <= (1.0 + within) * np.nanmin(self.ratios)
+    def arrived(self) -> NDArray[np.bool_]:
+        """Which starts came within 1 % of the best one's error."""
+        return self.ratios <= 1.01 * np.nanmin(self.ratios)
 
 
 @with_progress
-def fit_from_many(  # noqa: PLR0913
+def fit_from_many(
     model: Model,
     recordings: Sequence[Recording],
     *,
     starts: int = 64,
     spread: float = 0.5,
-    window: float | None = WINDOW,
     iterations: int = 15,
-    seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Starts:
     """Estimates every number that is not known from many random starts, side by side.
@@ -139,9 +137,7 @@ def fit_from_many(  # noqa: PLR0913
         recordings: measured runs.
         starts: how many; the first is the model's own.
         spread: standard deviation of a start's logarithm.
-        window: length of the windows that are fitted [s]; None fits whole recordings, which has more local minima.
         iterations: most steps of each.
-        seed: of the starts.
         progress: told what goes on; by default a bar on a terminal or in a notebook.
 
     Raises:
@@ -150,12 +146,12 @@ def fit_from_many(  # noqa: PLR0913
     (progress or silent)(f"fitting from {starts} starts")
     setting = make_setting(model, recordings, ()).thinned()
     plant = resolve(model.plant, setting.length)
-    problem = make_problem(setting, make_data(setting.recordings, (np.inf if window is None else window,)))
+    problem = make_problem(setting, make_data(setting.recordings, (WINDOW,)))
     engine = engine_for(setting, problem.data, plant)
     table = engine.table
     free = free_places(table, model.known, setting)
     low, high = table.bounds()
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     rows = np.repeat(np.array(table.ravel(plant), dtype=float)[None], starts, axis=0)
     factors = np.exp(spread * rng.standard_normal((starts - 1, len(free))))
     rows[1:, free] = np.clip(rows[1:, free] * factors, low[free], high[free])
@@ -164,4 +160,4 @@ def fit_from_many(  # noqa: PLR0913
     ratios = [float(np.sqrt(np.sum(p.square * count) / count.sum())) for p in points]
     names = tuple(table.entry(int(place)).name for place in free)
     found = np.stack([p.vector[free] for p in points])
-    return Starts(names, rows[:, free], found, np.array(ratios), window)
+    return Starts(names, rows[:, free], found, np.array(ratios), WINDOW)

@@ -3,8 +3,8 @@
 Both pass on a thrust that changes within a step: an impact is over at once, and a belt may ring several times. What
 changes early in a step moves the position more than what changes late, and the velocity by as much. So the thrust has
 two means over the step, a plain one and one weighted by the time left, which a method's stages take as they take an
-input that changes (`rollout.Method.leads`). Two masses under steady forces, without a damping of their own, then move
-exactly as they should, in steps of any length. That they touch and part again within one step is not seen.
+input that changes (`runge_kutta.Method.leads`). Two masses under steady forces, without a damping of their own, then
+move exactly as they should, in steps of any length. That they touch and part again within one step is not seen.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ def through_play(
         rows, rubbing, h, go: see `friction`.
         sides: motor and cart.
         gap: total play [m].
-        lead: see `rollout.Method`.
+        lead: see `runge_kutta.Method`.
 
     Returns:
         Friction of each row, and the thrust of the motor on the cart [N].
@@ -126,7 +126,7 @@ def through_belt(
         rows, rubbing, h, go: see `friction`.
         sides: motor and cart.
         belt: between them.
-        lead: see `rollout.Method`.
+        lead: see `runge_kutta.Method`.
 
     Returns:
         Friction of each row, and the thrust of the motor on the cart [N].

@@ -25,14 +25,6 @@ _TINY = 1e-30
 """Keeps finite the thrust on a cart, or the pull on a load, that is fixed."""
 
 
-class Push(NamedTuple):
-    """Something added to a plant from outside: forces at the load's side, and friction levels."""
-
-    force: Axes
-    up: Axes
-    down: Axes
-
-
 class Stage(NamedTuple):
     """Where a stage of a step asks for accelerations."""
 
@@ -45,7 +37,7 @@ class Stage(NamedTuple):
     z: Scalar | None = None
     """Relative deflection of a hysteresis' spring, None without one."""
     lead: Scalar | float = 0.0
-    """See `rollout.Method`."""
+    """See `runge_kutta.Method`."""
 
 
 class Step(NamedTuple):
@@ -61,8 +53,6 @@ class Step(NamedTuple):
     """1 for an axis that moves, 0 for one that is locked or absent."""
     go: Array
     """True, for `materialise`."""
-    push: Push | None = None
-    """Forces and friction levels to add."""
     setpoints: tuple[Axes, Axes] | None = None
     """Inputs at the step's beginning and end, for speed loops; those of the stage if None."""
 
@@ -143,8 +133,6 @@ def _forces(plant: Plant, stage: Stage, step: Step) -> _Forces:
     t, q, v, volts = stage.t, stage.q, stage.v, stage.volts
     train, rope = plant.drive_train, plant.rope_end
     load, resistance = materialise(plant.smooth_forces(t, q, v), step.go)
-    if step.push is not None:
-        load = Axes(*(a + b for a, b in zip(load, step.push.force, strict=True)))
     drive, resistance = plant.looped(plant.drive_forces(volts, q, v), resistance, v.at_drives())
     loops = {}
     if train is None and rope is None and any(plant.all(SpeedDrive)):
@@ -203,9 +191,6 @@ def _rows(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Cou
     q, v = stage.q.at_drives(), stage.v.at_drives()
     loads = plant.loads(stage.q.at_load(), stage.v.at_load(), forces.drive)
     positive, negative = plant.friction_levels(stage.t, q, v, loads)
-    if step.push is not None:
-        positive = Axes(*(a + b for a, b in zip(positive, step.push.up, strict=True)))
-        negative = Axes(*(a + b for a, b in zip(negative, step.push.down, strict=True)))
     w, rest, inv, a, positive, negative = materialise((w, rest, inv, coupled.a, positive, negative), step.go)
     return Rows(rest, w, step.v.at_drives(), positive, negative), coupled._replace(inverse=inv, a=a)
 
@@ -216,7 +201,7 @@ def _contact(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _
     inv, free, h, go, lead = coupled.inverse, coupled.a, step.h, step.go, stage.lead
     (w_x, _, _), (_, _, _), (_, _, w_l) = rows.w
     rest, moving = Axes(*rows.rest), Axes(*rows.moving)
-    rubbing = [step.push is not None or plant.has_friction(axis) for axis in Axes._fields]
+    rubbing = [plant.has_friction(axis) for axis in Axes._fields]
     if isinstance(rope, HoistBacklash):
         ahead, speed = step.q.l - step.q.at_load().l, moving.l - step.v.at_load().l
         sides = Sides(ahead, speed, rest.l - free.l, (inv.xl, inv.pl, -w_l), w_l + inv.ll + _TINY)

@@ -18,8 +18,9 @@ from .._files import replace_text
 from .._toml import Where, as_key, as_value, nearest, read_toml, shown, word
 from ..errors import listed, quoted
 from .bridge import Bridge
-from .effects.base import AbstractEffect, ParameterInfo, options_of, parameters_of, unit_at
+from .effects.base import AbstractEffect, unit_at
 from .effects.catalogue import KINDS, make_effect
+from .effects.fields import ParameterInfo, options_of, parameters_of
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash
 from .parameters import ParameterTable, bridge_keys
 from .plant import Plant

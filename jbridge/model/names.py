@@ -1,4 +1,17 @@
-"""What sites and kinds of effects are called before a rig's owner."""
+"""What quantities, sites, kinds of effects and numbers are called before a rig's owner."""
+
+QUANTITIES = {
+    "x": ("cart position", "m"),
+    "psi": ("swing angle", "rad"),
+    "l": ("rope length", "m"),
+    "v_x": ("cart velocity", "m/s"),
+    "v_psi": ("swing rate", "rad/s"),
+    "v_l": ("rope velocity", "m/s"),
+    "u_x": ("cart drive's input", ""),
+    "u_l": ("hoist drive's input", ""),
+    "t": ("time since the recording's start", "s"),
+}
+"""Name and SI unit of each quantity that a recording shows; an input's unit is the recording's."""
 
 _SITES = {
     "cart": "cart",
@@ -22,6 +35,10 @@ _KINDS = {
     "power_law_damping": "power-law damping",
 }
 """Kinds that need more than blanks between their words."""
+
+
+def quantity_name(quantity: str) -> str:
+    return QUANTITIES[quantity][0] if quantity in QUANTITIES else spaced(quantity)
 
 
 def site_name(site: str | None) -> str:

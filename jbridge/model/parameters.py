@@ -16,7 +16,8 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .bridge import Bridge
-from .effects.base import AbstractEffect, ParameterInfo, parameters_of, unit_at
+from .effects.base import AbstractEffect, unit_at
+from .effects.fields import ParameterInfo, parameters_of
 from .plant import Plant
 
 

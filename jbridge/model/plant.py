@@ -29,7 +29,7 @@ from .effects.base import (
 )
 from .effects.bodies import AbstractBody
 from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
-from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
+from .effects.flexible import Backlash, BeltCompliance, HoistBacklash, RopeElasticity
 from .effects.sensors import ClockScale
 from .speed_loop import Loop
 
@@ -140,17 +140,6 @@ class Plant(eqx.Module):
     def states(self) -> int:
         """Length of an initial-state vector, in which a hysteresis' deflection may follow."""
         return 6 + 2 * len(self.mechanisms)
-
-    @property
-    def hidden(self) -> tuple[str, ...]:
-        """Hidden states that follow those of the axes in an initial-state vector, by name and in order."""
-        found = {
-            "motor": self.drive_train,
-            "loaded": self.rope_end,
-            "phi": self.only(DoublePendulum),
-            "spring": self.hysteresis,
-        }
-        return tuple(name for name, effect in found.items() if effect is not None)
 
     def drive_forces(self, volts: Axes, q: Motion, v: Motion) -> Axes:
         """Motor forces [N] for inputs after the drives' chains; `volts.psi` is ignored.

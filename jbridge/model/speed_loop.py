@@ -69,7 +69,7 @@ def held(
         loops: by row.
         rubbing: whether any friction acts on a row.
         h: length of the step [s].
-        lead: see `rollout.Method`.
+        lead: see `runge_kutta.Method`.
         go: true, for `materialise`.
     """
     free = {}

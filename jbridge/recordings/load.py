@@ -51,7 +51,6 @@ def load_recording(
 def load_recordings(
     paths: Sequence[PathLike],
     *,
-    inputs_only: bool = False,
     sidecar: PathLike | None = None,
     force: bool = False,
 ) -> tuple[Recording, ...]:
@@ -69,7 +68,7 @@ def load_recordings(
         if resolved in seen:
             raise InputError(f"{path}: the recording is named twice; name it once")
         seen.add(resolved)
-    readings = [read(path, inputs_only, sidecar, ignore if force else refuse) for path in paths]
+    readings = [read(path, False, sidecar, ignore if force else refuse) for path in paths]
     check_units(paths, [reading.recording for reading in readings])
     return tuple(share_holds(reading, readings) for reading in readings)
 
@@ -116,7 +115,7 @@ class Inspection:
     """Each a line with what mends it; the first one is what other commands refuse the file with."""
 
 
-def inspect_recordings(paths: Sequence[PathLike], *, sidecar: PathLike | None = None) -> tuple[Inspection, ...]:
+def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
     """Returns what each file is read as, with all that is doubtful about it, and refuses nothing.
 
     What several recordings contradict each other in is the problem of the last one.
@@ -126,14 +125,14 @@ def inspect_recordings(paths: Sequence[PathLike], *, sidecar: PathLike | None = 
         problems: list[InputError] = []
         reading = None
         try:
-            reading = read(path, False, sidecar, problems.append)
+            reading = read(path, False, None, problems.append)
         except InputError as error:
             problems.append(error)
         recording, columns = (None, {}) if reading is None else (reading.recording, reading.columns)
         signs = {} if recording is None or problems else signs_of(recording)
         found.append(Inspection(str(path), recording, columns, signs, tuple(map(str, problems))))
     try:
-        load_recordings([each.path for each in found if each.recording is not None], sidecar=sidecar, force=True)
+        load_recordings([each.path for each in found if each.recording is not None], force=True)
     except InputError as error:
         found[-1] = replace(found[-1], problems=(*found[-1].problems, str(error)))
     return tuple(found)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._files import make_folder
 from ..diagnosis.result import Diagnosis, NamedEffect
 from ..identification.result import Estimate, Fit
 from ..prediction import Simulation
 from ..recordings import save_csv
 from .diagnosis.page import diagnosis_summary
 from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
-from .files import PathLike, make_folder
+from .files import PathLike
 from .fit_page import fit_summary
 from .save import save_fit, save_report
 from .text.html import piece

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from .._files import replacing
+from .._files import make_folder, replacing
 from ..errors import InputError
 
 PathLike = str | os.PathLike[str]
@@ -49,18 +49,6 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_text(path: Path, content: str) -> None:
     """Writes a text file in UTF-8, as `write_bytes` does."""
     write_bytes(path, content.encode("utf-8", errors="replace"))
-
-
-def make_folder(folder: Path) -> None:
-    """Makes a folder and those above it; one that exists will do.
-
-    Raises:
-        InputError: if that is not possible.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder ({error.strerror}); choose another place") from None
 
 
 def alone_in_folder(save: Save) -> Save:

@@ -17,7 +17,10 @@ from ..model.effects.sensors import SensorDelay
 from ..model.plant import Motion, Plant
 from .collect import AbstractCollector, Everything
 from .inputs import Lane
-from .rollout import RK4, Method, Motions, advance, read, start, timetable
+from .measurement import read
+from .rollout import timetable
+from .runge_kutta import RK4, Method, advance
+from .state import Motions, start
 
 
 class Response(NamedTuple):
@@ -60,10 +63,10 @@ class SampledPlant(NamedTuple):
     """1 for an axis that moves."""
     method: Method = RK4
     looped: bool = False
-    """See `rollout.advance`."""
+    """See `runge_kutta.advance`."""
 
     def begin(self, initial: Float[Array, " state"]) -> Sampled:
-        """The first sample, before which everything was at rest (see `rollout.initial_motion`)."""
+        """The first sample, before which everything was at rest (see `state.initial_motion`)."""
         dtype = initial.dtype
         first = start(self.plant, initial, jnp.zeros(2, dtype), self.active)
         trail = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], self.memory + 1, axis=0), (first.q, first.v))
@@ -122,7 +125,7 @@ def closed_loop(  # noqa: PLR0913
     Args:
         plant: what moves.
         controller: what commands it.
-        initial: see `rollout.initial_motion`; commands before the first sample are 0.
+        initial: see `state.initial_motion`; commands before the first sample are 0.
         reference: with a leading axis of time, one entry for each sample.
         period: of the controller's sampling [s].
         substeps: integration steps in each period.

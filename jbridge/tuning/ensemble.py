@@ -86,10 +86,10 @@ class Legs:
         return np.broadcast_to(self.start, shape), np.broadcast_to(self.goal, shape)
 
 
-def paper_legs(seconds: float = 10.0, speed: tuple[float, float] = (0.3, 0.2)) -> Legs:
+def paper_legs(seconds: float = 10.0) -> Legs:
     """The paper's two moves, `T_z` to `T_1` and `T_1` to `T_2`."""
     points = np.array([[0.0, 0.185], [1.2, 0.6], [0.5, 0.3]])
-    return Legs(points[:-1], points[1:], speed, seconds)
+    return Legs(points[:-1], points[1:], (0.3, 0.2), seconds)
 
 
 def random_legs(

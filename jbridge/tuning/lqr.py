@@ -13,7 +13,9 @@ from ..control.linear import ObserverFeedback, StateFeedback
 from ..model.files import Model, requires
 from ..model.plant import Plant
 from ..simulation.inputs import Lane
-from ..simulation.rollout import RK4, advance, start, timetable
+from ..simulation.rollout import timetable
+from ..simulation.runge_kutta import RK4, advance
+from ..simulation.state import start
 
 _SUBSTEPS = 16
 _SLOW = 1e-6

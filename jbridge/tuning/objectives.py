@@ -1,11 +1,11 @@
-"""What a move is judged by, as functions with gradients: error, settling, swing, overshoot, effort, chatter.
+"""What a move is judged by, as functions with gradients: error, settling, swing, overshoot, chatter, reversals.
 
 Where a measure counts (time outside a band, say), the count is blurred over a fraction of the band, so that it has a
 slope; what is reported about a tuned controller is measured anew by `summaries`.
 """
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -41,9 +41,6 @@ class Leg(NamedTuple):
 class AbstractObjective(eqx.Module):
     """A number of one move that is to be small."""
 
-    name: eqx.AbstractClassVar[str]
-    unit: eqx.AbstractClassVar[str]
-
     @abc.abstractmethod
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         """The number, from the samples of one move."""
@@ -63,10 +60,7 @@ def _size(value: Array) -> Array:
 
 
 class Itae(AbstractObjective):
-    """Time-weighted absolute error of cart and rope to the reference."""
-
-    name: ClassVar[str] = "itae"
-    unit: ClassVar[str] = "m s^2"
+    """Time-weighted absolute error of cart and rope to the reference [m s²]."""
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         x, l = response.q.x - response.reference.x, response.q.l - response.reference.l
@@ -75,10 +69,8 @@ class Itae(AbstractObjective):
 
 
 class Settling(AbstractObjective):
-    """Time that the load spends farther than 1 cm from the goal, sideways or in height."""
+    """Time that the load spends farther than 1 cm from the goal, sideways or in height [s]."""
 
-    name: ClassVar[str] = "settling"
-    unit: ClassVar[str] = "s"
     blur: Scalar | float = 0.005
     """Distance over which being outside turns into being inside [m]."""
 
@@ -91,10 +83,7 @@ class Settling(AbstractObjective):
 
 
 class ResidualSwing(AbstractObjective):
-    """Root mean square of the swing angle over the last quarter of the rest."""
-
-    name: ClassVar[str] = "residual_swing"
-    unit: ClassVar[str] = "rad"
+    """Root mean square of the swing angle over the last quarter of the rest [rad]."""
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         late = response.times >= late_from(leg.arrival, response.times[-1])
@@ -102,10 +91,7 @@ class ResidualSwing(AbstractObjective):
 
 
 class Overshoot(AbstractObjective):
-    """Largest distance beyond the goal, of cart and rope together."""
-
-    name: ClassVar[str] = "overshoot"
-    unit: ClassVar[str] = "m"
+    """Largest distance beyond the goal, of cart and rope together [m]."""
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         way = jnp.sign(leg.goal - leg.start)
@@ -113,35 +99,20 @@ class Overshoot(AbstractObjective):
         return jnp.maximum(jnp.max(way[0] * x), 0.0) + jnp.maximum(jnp.max(way[1] * l), 0.0)
 
 
-class Effort(AbstractObjective):
-    """Mean square voltage of both drives."""
-
-    name: ClassVar[str] = "effort"
-    unit: ClassVar[str] = "V^2"
-
-    def __call__(self, response: Response, leg: Leg) -> Scalar:
-        return jnp.mean(jnp.sum(response.command**2, axis=1))
-
-
 class Chatter(AbstractObjective):
-    """Mean square change of the voltages from sample to sample."""
-
-    name: ClassVar[str] = "chatter"
-    unit: ClassVar[str] = "V^2"
+    """Mean square change of the voltages from sample to sample [V²]."""
 
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         return jnp.mean(jnp.sum(jnp.diff(response.command, axis=0) ** 2, axis=1))
 
 
 class Travel(AbstractObjective):
-    """How far the drives' voltages are behind the commands on average, for drives of first order.
+    """How far the drives' voltages are behind the commands on average, for drives of first order [V].
 
     A drive of time constant `T` is behind its command by `T |du/dt|`. What a controller commands faster than the drive
     answers moves nothing, heats the drive and wears its gear.
     """
 
-    name: ClassVar[str] = "travel"
-    unit: ClassVar[str] = "V"
     time_constant: Scalar | float = DRIVE
     """Of a drive [s]."""
     blur: Scalar | float = 0.01
@@ -154,13 +125,11 @@ class Travel(AbstractObjective):
 
 
 class Reversals(AbstractObjective):
-    """Time that the drives lose by changes of their voltages' sign, a time constant of a drive each.
+    """Time that the drives lose by changes of their voltages' sign, a time constant of a drive each [s].
 
     A change counts in full if the voltage goes from well above the blur to well below its negative.
     """
 
-    name: ClassVar[str] = "reversals"
-    unit: ClassVar[str] = "s"
     time_constant: Scalar | float = DRIVE
     """Of a drive [s]."""
     blur: Scalar | float = 0.1
@@ -186,11 +155,6 @@ class Goal(eqx.Module):
             (weight * part(response, leg) for part, weight in zip(self.parts, self.weights, strict=True)),
             start=jnp.zeros(()),
         )
-
-
-OBJECTIVES: dict[str, type[AbstractObjective]] = {
-    cls.name: cls for cls in (Itae, Settling, ResidualSwing, Overshoot, Effort, Chatter, Travel, Reversals)
-}
 
 
 def usual_goal() -> Goal:

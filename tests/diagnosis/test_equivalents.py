@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jbridge.diagnosis.diagnose import _round_of
+from jbridge.diagnosis.equivalents import round_of
 from jbridge.diagnosis.selection.search import Search
 from jbridge.diagnosis.structures.structure import Structure
 
@@ -23,7 +23,7 @@ def model(*names):
 
 
 def members(search, name):
-    found = _round_of(search, name)
+    found = round_of(search, name)
     return None if found is None else [s.names[-1] for s in found[1]]
 
 

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -76,3 +77,12 @@ def test_what_nothing_uses_is_left_out():
     found = translator.call(lambda a, b: (a + b, a * b), np.asarray("a", object), np.asarray("b", object))
     translator.line(f"out = {found[1][()]};")
     assert [line.strip() for line in translator.lines] == ["const P_real v2 = a * b;", "out = v2;"]
+
+
+def test_a_row_of_numbers_is_sorted():
+    """By three exchanges of two neighbours, each a smaller and a larger one; what comes out are names of numbers."""
+    translator = Translator()
+    found = translator.call(jnp.sort, np.array(["a", "b", "c"], object))
+    assert found.shape == (3,) and all(isinstance(each, str) for each in found)
+    translator.line(f"return {', '.join(found)};")
+    assert len(translator.lines) == 7

@@ -135,3 +135,8 @@ def test_a_compiler_that_fails_is_named(model, monkeypatch):
     monkeypatch.setenv("CC", "false")
     with pytest.raises(InputError, match=r"false cannot compile the model .*set CC"):
         model_unit(model, "crane", period=PERIOD, rope=0.4)
+
+
+def test_an_unknown_language_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="unknown target 'simulink'; choose among c, fmu, mujoco, statespace, matlab"):
+        save_export(tmp_path, tmp_path / "crane.toml", "simulink")

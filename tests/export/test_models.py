@@ -17,9 +17,11 @@ from jbridge.export.c import controller_header
 from jbridge.export.models import matlab_function, mujoco_xml, state_space, state_space_module
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
-from jbridge.simulation.rollout import RK4, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import RK4
 from jbridge.tuning.lqr import linear_model
-from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
+from tests.problems import NUMBERS, make_lane, make_plant, make_state, model_text, null_effect
 
 PERIOD = 0.01
 TIMES = PERIOD * np.arange(151)
@@ -116,16 +118,13 @@ def test_matlab_has_every_number():
     assert text.startswith("function model = bridge()\n") and text.endswith("end\n")
 
 
-MODEL = "[bridge]\n" + "".join(f"{key} = {value}\n" for key, value in NUMBERS.items())
-
-
 @pytest.mark.parametrize(
     ("to", "name"),
     [("c", "my_rig.h"), ("mujoco", "my_rig.xml"), ("statespace", "my_rig_statespace.py"), ("matlab", "my_rig.m")],
 )
 def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my-rig.toml").write_text(MODEL)
+    (tmp_path / "my-rig.toml").write_text(model_text())
     assert main(["export", "my-rig.toml", "--to", to, "--out", "out"]) == 0
     assert capsys.readouterr().out == f"out/{name}\n" and (tmp_path / "out" / name).stat().st_size > 500
 
@@ -142,7 +141,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
 )
 def test_what_cannot_be_exported_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "model.toml").write_text(MODEL)
+    (tmp_path / "model.toml").write_text(model_text())
     (tmp_path / "cart.toml").write_text("[bridge]\ncart_mass = 5.0\ncart_gain = 16.0\n")
     (tmp_path / "fuzzy.toml").write_text('kind = "fuzzy"\n')
     assert main(["export", *words, "--out", "out"]) == 2

@@ -10,7 +10,7 @@ from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
 from jbridge.recordings import Recording
-from jbridge.simulation.rollout import RK4
+from jbridge.simulation.runge_kutta import RK4
 from tests.problems import CART_ALONE, NUMBERS, make_lane, make_plant, make_state, measure, simulate
 
 NOISE = {"x": 4e-5, "psi": 6.4e-4, "l": 4e-5}

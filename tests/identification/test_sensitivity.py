@@ -6,15 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge.identification import solver
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.sensitivity import engine as module
 from jbridge.identification.sensitivity.engine import Job
 from jbridge.identification.sensitivity.windowed_rollout import BLOCK, predicted_with_tangents
 from jbridge.identification.setting import make_setting
+from jbridge.identification.solver import variable_projection
 from jbridge.model.files import Model
-from jbridge.simulation.rollout import MIDPOINT
+from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.identification.cases import play, steps
 from tests.problems import EVERY_AXIS, NUMBERS, make_lane, make_plant, measure, simulate
 
@@ -199,7 +199,7 @@ def test_windows_are_taken_some_at_a_time(monkeypatch):
     problem, engine, start, _ = problem_of(DRY, (0.3, WHOLE))
     points = problem.evaluate(engine, [start])
     [together] = problem.normal(engine, points)
-    monkeypatch.setattr(solver, "_ABREAST", 3)
+    monkeypatch.setattr(variable_projection, "_ABREAST", 3)
     [apart] = problem.normal(engine, points)
     assert max(tiling.windows for tiling in problem.data.tilings) > 3 and np.any(together.back)
     for one, other in zip(dataclasses.astuple(together), dataclasses.astuple(apart), strict=True):

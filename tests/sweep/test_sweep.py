@@ -13,33 +13,13 @@ from jbridge import InputError
 from jbridge.simulation.summaries import UNITS
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
+from tests.problems import model_text
 
-MODEL = """
-[bridge]
-cart_mass = 5.5
-load_mass = 0.143
-cart_gain = 16.0
-hoist_gain = 3.0
-winch_mass = 0.1
-cart_damping = 45.0
-swing_damping = 0.0015
-hoist_damping = 25.0
-
-[[effect]]
-kind = "coulomb_friction"
-site = "cart"
-level = 4.0
-
-[[effect]]
-kind = "coulomb_friction"
-site = "hoist"
-level = 3.0
-
-[[effect]]
-kind = "input_delay"
-site = "cart_drive"
-delay = 0.01
-"""
+MODEL = model_text(
+    ("coulomb_friction", "cart", {"level": 4.0}),
+    ("coulomb_friction", "hoist", {"level": 3.0}),
+    ("input_delay", "cart_drive", {"delay": 0.01}),
+)
 SPEC = """
 model = "model.toml"
 chunk = 8

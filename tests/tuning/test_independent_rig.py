@@ -9,37 +9,16 @@ import pytest
 
 import jbridge
 from jbridge.cli import main
+from tests.problems import model_text
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 
-MODEL = """
-[bridge]
-cart_mass = 5.5
-load_mass = 0.143
-winch_mass = 0.1
-gravity = 9.81
-cart_damping = 45.0
-swing_damping = 0.0015
-hoist_damping = 25.0
-cart_gain = 16.0
-hoist_gain = 3.0
-
-[[effect]]
-kind = "coulomb_friction"
-site = "cart"
-level = 3.7
-
-[[effect]]
-kind = "coulomb_friction"
-site = "hoist"
-level = 2.7
-
-[[effect]]
-kind = "dead_zone"
-site = "cart_drive"
-positive = 0.22
-negative = 0.22
-
+MODEL = model_text(
+    ("coulomb_friction", "cart", {"level": 3.7}),
+    ("coulomb_friction", "hoist", {"level": 2.7}),
+    ("dead_zone", "cart_drive", {"positive": 0.22, "negative": 0.22}),
+)
+MODEL += """
 [uncertainty.cart_gain]
 std = 1.2
 low = 13.6

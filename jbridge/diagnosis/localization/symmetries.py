@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...model.names import quantity_name
 from ..result import Likeness
 from .missing_force import (
     INPUT_OF,
@@ -25,17 +26,6 @@ from .missing_force import (
 
 EITHER_WAY = ", direction"
 """Marks a variable that may count differently in either direction of motion."""
-_WORDS = {
-    "x": "cart's place",
-    "psi": "swing's angle",
-    "l": "rope length",
-    "v_x": "cart's velocity",
-    "v_psi": "swing's velocity",
-    "v_l": "hoist's velocity",
-    "u_x": "cart drive's input",
-    "u_l": "hoist drive's input",
-    "t": "time since the recording's start",
-}
 _TOLD = 0.25
 """Share of a force that must be foreseen before anything is said of it."""
 _CLEAR = 0.8
@@ -109,7 +99,7 @@ def _sentence(found: Likeness, rotary: bool) -> str:
     best = most_telling(found.by)
     if found.by[best] > _TOLD:
         name = best.removesuffix(EITHER_WAY)
-        told = _WORDS[name] + (" and the direction of motion" if name != best else "")
+        told = quantity_name(name) + (" and the direction of motion" if name != best else "")
         words.append(f"hangs on the {told} most ({100 * found.by[best]:.0f} % of it is foreseen by that alone)")
     if not words:
         return ""

@@ -11,8 +11,9 @@ import numpy as np
 from ..._types import AXES
 from ...identification.estimation import Problem
 from ...identification.solver import Point, Start
-from ...model.effects.base import AbstractEffect, parameters_of
+from ...model.effects.base import AbstractEffect
 from ...model.effects.catalogue import CATALOGUE, make_effect
+from ...model.effects.fields import parameters_of
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import Candidate

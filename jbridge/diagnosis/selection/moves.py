@@ -11,8 +11,9 @@ from ...identification.estimation import Problem
 from ...identification.setting import PART_OF
 from ...identification.solver import Point, Start
 from ...model.bridge import Bridge
-from ...model.effects.base import AXIS_OF_SITE, AbstractEffect, parameters_of
+from ...model.effects.base import AXIS_OF_SITE, AbstractEffect
 from ...model.effects.catalogue import CATALOGUE, make_effect
+from ...model.effects.fields import parameters_of
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate

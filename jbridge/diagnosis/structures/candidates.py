@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.setting import Setting
-from ...model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed, options_of
+from ...model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed
 from ...model.effects.catalogue import CATALOGUE, make_effect
+from ...model.effects.fields import options_of
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from ...identification.estimation import Problem, engine_for
 from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting, scene_of
-from ...model.effects.base import AbstractHysteresis, AbstractMechanism, parameters_of
+from ...model.effects.base import AbstractHysteresis, AbstractMechanism
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.drives import SpeedDrive
+from ...model.effects.fields import parameters_of
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from .candidates import Candidate, candidates

@@ -12,14 +12,14 @@ _FRESH = 0.9
 """Least share of the rows taken that are measurements of every channel; a slower channel has fewer."""
 
 
-def thinned(recording: Recording, period: float = PERIOD) -> Recording:
-    """Every so many rows of a recording sampled faster than `period`, each with the mean input until the next.
+def thinned(recording: Recording) -> Recording:
+    """Every so many rows of a recording sampled faster than `PERIOD`, each with the mean input until the next.
 
     The mean has the impulse of the inputs that it stands for. Recordings with slower channels or uneven rows stay as
     they are.
     """
     times = recording.times
-    factor = int(period / recording.period + 1e-6)
+    factor = int(PERIOD / recording.period + 1e-6)
     even = np.ptp(np.diff(times)) < 0.5 * recording.period
     if factor < 2 or not even:
         return recording

@@ -141,13 +141,11 @@ def tiling(
     begins: NDArray[np.int64],
     stops: NDArray[np.int64],
     noise: NDArray[np.float64],
-    count_from: NDArray[np.int64] | None = None,
 ) -> Tiling:
     """A tiling with first guesses of its initial states."""
     sigma = {axis: float(value) for axis, value in zip(AXES, noise, strict=True)}
     states, precision = initial_states(g, begins, sigma)
-    count_from = begins if count_from is None else count_from
-    return Tiling(recording, horizon, begins, stops, states, precision, count_from)
+    return Tiling(recording, horizon, begins, stops, states, precision, begins)
 
 
 def _edges(g: Grid, horizon: float) -> NDArray[np.int64] | None:

@@ -19,7 +19,9 @@ from ...model.effects.sensors import SensorDelay, SensorScale
 from ...model.parameters import ParameterTable
 from ...model.plant import Motion, Plant
 from ...simulation.inputs import Lane, arriving, even_steps, in_true_time, lags_at_start, supply
-from ...simulation.rollout import MIDPOINT, RK4, Interval, Motions, Path, advance, encoded, intervals, sensed, start
+from ...simulation.measurement import Path, encoded, sensed
+from ...simulation.runge_kutta import MIDPOINT, RK4, Interval, advance, intervals
+from ...simulation.state import Motions, start
 from ..data.windows import Course
 
 STATES = 6

@@ -1,7 +1,7 @@
-"""What an effect is: the interfaces, and what is told about each parameter.
+"""What an effect is: its site, its interface, and where a search for it starts.
 
-An effect is one piece of physics that a bridge may or may not have. It has a `kind`, a `site` and parameters; the
-parameter's unit, bounds and null value stand beside the field. The roles below say where an effect enters:
+An effect is one piece of physics that a bridge may or may not have. It has a `kind`, a `site` and parameters; a
+parameter's unit, bounds and null value stand beside its field (`fields`). The roles below say where an effect enters:
 
 - friction: a level of dry friction, which may depend on place, velocity, load and time (`AbstractFriction`);
 - hysteresis: a force with a hidden spring that slips (`AbstractHysteresis`);
@@ -15,7 +15,6 @@ parameter's unit, bounds and null value stand beside the field. The roles below 
 
 import abc
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -45,93 +44,6 @@ AXIS_OF_SITE = {
 }
 """The axis, and thereby the equation, that a site belongs to."""
 DRIVE_OF_AXIS = {"x": CART_DRIVE, "l": HOIST_DRIVE}
-
-
-def _as_float(value: Any) -> Array:
-    return jnp.asarray(value, dtype=jnp.result_type(float))
-
-
-@dataclasses.dataclass(frozen=True)
-class ParameterInfo:
-    """What is known of a parameter before any recording is seen.
-
-    `unit` is written with the placeholders `{force}`, `{position}`, `{speed}` and `{input}`, which the site fills in.
-    """
-
-    name: str
-    unit: str
-    null: float
-    """Value at which the effect is absent (or, for a shape, any harmless value)."""
-    low: float
-    high: float
-    fitted: bool
-    """Whether it is ever estimated from recordings (knots and reference lengths are choices)."""
-    vector: bool
-    optional: bool
-    doc: str
-    key: str
-    """Its name in model files and reports (a field may not carry the name of a method)."""
-
-
-def parameter(  # noqa: PLR0913
-    unit: str,
-    doc: str,
-    *,
-    null: float = 0.0,
-    low: float = -math.inf,
-    high: float = math.inf,
-    fitted: bool = True,
-    vector: bool = False,
-    default: Any = dataclasses.MISSING,
-    key: str = "",
-) -> Any:
-    """Declares a parameter field of an effect or of the bridge, with what `ParameterInfo` lists."""
-    metadata = {
-        "parameter": dict(
-            unit=unit,
-            doc=doc,
-            null=null,
-            low=low,
-            high=high,
-            fitted=fitted,
-            vector=vector,
-            optional=default is not dataclasses.MISSING,
-            key=key,
-        )
-    }
-    return eqx.field(converter=_as_float, default=default, metadata=metadata)
-
-
-def option(default: str, choices: tuple[str, ...]) -> Any:
-    """Declares a choice by word, such as the end of the rail.
-
-    The field holds the word's index as a number, so that both choices share one compiled program.
-    """
-
-    def index_of(word: Any) -> Array:
-        if isinstance(word, str):
-            if word not in choices:
-                raise ValueError(f"{word!r} is not one of {', '.join(choices)}")
-            return _as_float(choices.index(word))
-        return _as_float(word)
-
-    return eqx.field(converter=index_of, default=default, metadata={"choices": choices})
-
-
-def parameters_of(cls: type) -> dict[str, ParameterInfo]:
-    """The parameters of an effect class (or of `Bridge`), by key and in order."""
-    infos = {}
-    for field in dataclasses.fields(cls):
-        if "parameter" in field.metadata:
-            told = dict(field.metadata["parameter"])
-            key = told.pop("key") or field.name
-            infos[key] = ParameterInfo(field.name, key=key, **told)
-    return infos
-
-
-def options_of(cls: type) -> dict[str, tuple[str, ...]]:
-    """The options of an effect class with their allowed words."""
-    return {field.name: field.metadata["choices"] for field in dataclasses.fields(cls) if "choices" in field.metadata}
 
 
 _PLACE_UNITS = {

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 
 from ..._types import Axes, Scalar
 from ..bridge import Symmetric
-from .base import L_SENSOR, SWING, AbstractEffect, Alike, Scene, Seed, parameter
+from .base import L_SENSOR, SWING, AbstractEffect, Alike, Scene, Seed
+from .fields import parameter
 
 
 class AbstractBody(AbstractEffect):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from .base import AbstractEffect, parameters_of
+from .base import AbstractEffect
 from .bodies import RodInertia
 from .cable import CableDrag
 from .drives import (
@@ -19,6 +19,7 @@ from .drives import (
     SpeedDrive,
     TorqueRipple,
 )
+from .fields import parameters_of
 from .flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .forces import (
     ConstantForce,

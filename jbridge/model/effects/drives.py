@@ -18,9 +18,9 @@ from .base import (
     Contained,
     Scene,
     Seed,
-    parameter,
     waves,
 )
+from .fields import parameter
 
 _DRIVES = (CART_DRIVE, HOIST_DRIVE)
 UNLIMITED = 1e6

@@ -5,7 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 
 from ..._types import Scalar
-from .base import CART, HOIST, SWING, AbstractMechanism, Scene, Seed, option, parameter
+from .base import CART, HOIST, SWING, AbstractMechanism, Scene, Seed
+from .fields import option, parameter
 
 
 class RopeElasticity(AbstractMechanism):

@@ -24,11 +24,10 @@ from .base import (
     Scene,
     Seed,
     interpolate,
-    option,
-    parameter,
     uniform_knots,
     waves,
 )
+from .fields import option, parameter
 
 _EDGE = 0.005
 """Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""

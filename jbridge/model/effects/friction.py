@@ -26,9 +26,9 @@ from .base import (
     Scene,
     Seed,
     interpolate,
-    parameter,
     uniform_knots,
 )
+from .fields import parameter
 
 
 class CoulombFriction(AbstractFriction):

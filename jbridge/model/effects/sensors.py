@@ -18,9 +18,9 @@ from .base import (
     Alike,
     Scene,
     Seed,
-    parameter,
     waves,
 )
+from .fields import parameter
 
 _SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
 _TIMES = 40

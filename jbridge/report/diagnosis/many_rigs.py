@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..._files import read_json, replace_text
+from ..._files import make_folder, read_json, replace_text
 from ..._progress import Step, silent, with_progress
 from ...cluster import on_workers
 from ...diagnosis.diagnose import diagnose
 from ...errors import InputError
 from ...model.files import load_model
 from ...recordings import load_recordings
-from ..files import PathLike, check_output, make_folder
+from ..files import PathLike, check_output
 from ..save import save_report
 
 _RECORDINGS = (".csv", ".mat")

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..._types import AXIS_OF_EQUATION
 from ...diagnosis.result import Diagnosis, Interval, NamedEffect, Region
 from ...identification.result import Errors, Fit, Trace
 from ...prediction import Simulation
 from ..text.rows import parts, units_of
-from ..text.words import AXIS_OF_EQUATION, input_units
+from ..text.words import input_units
 from .evidence import draw_evidence
 from .friction_map import draw_friction_map
 from .horizons import draw_horizons

@@ -7,10 +7,10 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...diagnosis.result import Horizon
+from ...model.names import QUANTITIES
 from ..text.quantities import scale_for
+from ..text.words import CHANNELS
 from .style import AFTER, BEFORE, Picture, picture
-
-_NAMES = {"x": ("cart position x", "m"), "psi": ("swing angle psi", "rad"), "l": ("rope length l", "m")}
 
 
 def draw_horizons(
@@ -24,7 +24,7 @@ def draw_horizons(
         noise: of each channel [m, rad, m].
         labels: what the model before and after is called; one that is empty is left out.
     """
-    channels = [axis for axis in _NAMES if any(axis in row.before for row in horizons)]
+    channels = [axis for axis in CHANNELS if any(axis in row.before for row in horizons)]
     if len(horizons) < 2 or not channels:
         return None
     seconds = np.array([row.seconds for row in horizons])
@@ -32,7 +32,7 @@ def draw_horizons(
     def draw(figure: FigureBase) -> None:
         panels = np.atleast_1d(figure.subplots(1, len(channels)))
         for panel, axis in zip(panels, channels, strict=True):
-            quantity, unit = _NAMES[axis]
+            _, unit = QUANTITIES[axis]
             runs = [[getattr(row, side).get(axis, np.nan) for row in horizons] for side in ("before", "after")]
             scale = scale_for(unit, [float(np.nanmax(runs))])
             for values, label, colour in zip(runs, labels, (BEFORE, AFTER), strict=True):
@@ -55,7 +55,7 @@ def draw_horizons(
             panel.set_xticks(seconds, [f"{s:g}" for s in seconds])
             panel.xaxis.set_minor_formatter(NullFormatter())
             panel.set_xlabel("horizon [s]")
-            panel.set_ylabel(f"rms error of {quantity} [{scale.unit}]")
+            panel.set_ylabel(f"rms error of {CHANNELS[axis]} [{scale.unit}]")
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=4)
 

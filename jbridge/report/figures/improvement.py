@@ -7,9 +7,8 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import NullFormatter
 
 from ...identification.result import Errors
+from ..text.words import CHANNELS
 from .style import AFTER, BEFORE, Picture, picture
-
-_NAMES = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}
 
 
 def draw_improvement(
@@ -25,7 +24,7 @@ def draw_improvement(
         labels: what the model before and after is called; one that is empty is left out.
     """
     rows = []
-    for channel, quantity in _NAMES.items():
+    for channel, quantity in CHANNELS.items():
         for errors, how in (("free_run", "whole recording"), ("window", f"windows of {window:g} s")):
             pair = [getattr(side, errors).get(channel) for side in (before, after)]
             scale = noise.get(channel)

@@ -11,9 +11,8 @@ from ...diagnosis.result import Interval
 from ...identification.result import Trace
 from ..text.quantities import error_scale, times_noise
 from ..text.rows import error_text
+from ..text.words import CHANNELS
 from .style import AFTER, BEFORE, NOISE, SHADE, Picture, drawable, picture, shortened
-
-_NAMES = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}
 
 
 def draw_residuals(
@@ -31,7 +30,7 @@ def draw_residuals(
         when: times at which the mismatch sits; those of other recordings are left out.
         labels: what the simulations before and after are called; the first may be empty.
     """
-    channels = [channel for channel in _NAMES if channel in trace.measured]
+    channels = [channel for channel in CHANNELS if channel in trace.measured]
     columns = [
         (simulated, colour, said)
         for simulated, colour, said in zip((trace.before, trace.after), (BEFORE, AFTER), labels, strict=True)
@@ -49,7 +48,7 @@ def draw_residuals(
                     panel.axvspan(start, stop, color=SHADE, alpha=0.35, linewidth=0, zorder=0)
                 if channel == channels[0]:
                     panel.set_title(said, color=colour)
-            row[0].set_ylabel(f"{_NAMES[channel]}\nrecorded - simulated\n[{_unit(channel)}]")
+            row[0].set_ylabel(f"{CHANNELS[channel]}\nrecorded - simulated\n[{_unit(channel)}]")
         for panel in grid[-1]:
             panel.set_xlabel("time from the recording's start [s]")
             panel.set_xlim(trace.times[0], trace.times[-1])

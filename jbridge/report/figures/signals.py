@@ -8,14 +8,11 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ...identification.result import Trace
+from ...model.names import quantity_name
 from ..text.quantities import Scale, pretty_unit
+from ..text.words import CHANNELS
 from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
 
-_AXES = {
-    "x": ("cart position x", Scale(1.0, "m")),
-    "psi": ("swing angle psi", Scale(57.29577951308232, "deg")),
-    "l": ("rope length l", Scale(1.0, "m")),
-}
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
@@ -33,7 +30,7 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
         units: of the inputs.
         labels: what the simulations before and after are called; one that is empty is left out.
     """
-    channels = [channel for channel in _AXES if channel in trace.measured]
+    channels = [channel for channel in CHANNELS if channel in trace.measured]
     inputs = [channel for channel in _INPUTS if channel in trace.inputs]
     heights = [2.0] * len(channels) + [1.0] * len(inputs)
 
@@ -54,7 +51,7 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
 
 
 def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, str]) -> None:
-    quantity, scale = _AXES[channel]
+    scale = Scale(180 / np.pi, "deg") if channel == "psi" else Scale(1.0, "m")
     # A sensor slower than the grid leaves gaps, over which the line is drawn on.
     seen = np.isfinite(trace.measured[channel])
     if seen.any():
@@ -75,7 +72,7 @@ def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, st
     shown = [trace.measured[channel][seen], drawable(trace.after.get(channel, np.empty(0)))]
     low, high = _range(np.concatenate(shown), trace.before.get(channel) if labels[0] else None)
     panel.set_ylim(scale.factor * low, scale.factor * high)
-    panel.set_ylabel(f"{quantity.rpartition(' ')[0]}\n{quantity.rpartition(' ')[2]} [{scale.unit}]")
+    panel.set_ylabel(f"{quantity_name(channel)}\n{channel} [{scale.unit}]")
 
 
 def _range(wanted: NDArray[np.float64], other: NDArray[np.float64] | None) -> tuple[float, float]:

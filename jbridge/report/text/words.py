@@ -2,33 +2,20 @@
 
 from collections.abc import Iterable, Mapping
 
+from ..._types import AXES, AXIS_OF_EQUATION
+from ...diagnosis.structures.candidates import WRONG_VALUE
 from ...model.bridge import Bridge
-from ...model.effects.base import ParameterInfo, parameters_of
 from ...model.effects.catalogue import KINDS
-from ...model.names import kind_name, site_name, spaced
+from ...model.effects.fields import ParameterInfo, parameters_of
+from ...model.names import QUANTITIES, kind_name, quantity_name, site_name, spaced
 
-WRONG_VALUE = "wrong_value"
-"""Kind of the explanation that nothing is missing but a known number is wrong; its site is the parameter's name."""
-
-CHANNELS = {"x": "cart position x", "psi": "swing angle psi", "l": "rope length l"}
-EQUATIONS = {"cart": "cart equation", "swing": "swing equation", "hoist": "hoist equation"}
-AXIS_OF_EQUATION = {"cart": "x", "swing": "psi", "hoist": "l"}
+CHANNELS = {axis: f"{quantity_name(axis)} {axis}" for axis in AXES}
+EQUATIONS = {name: f"{name} equation" for name in AXIS_OF_EQUATION}
 VERDICTS = {
     "adequate": "The model is adequate",
     "missing_physics": "Physics is missing, and has a name",
     "unknown": "Something is missing that has no name yet",
 }
-
-_VARIABLES = {
-    **CHANNELS,
-    "v_x": "cart velocity",
-    "v_psi": "swing rate",
-    "v_l": "rope velocity",
-    "u_x": "input of the cart drive u_x",
-    "u_l": "input of the hoist drive u_l",
-    "t": "time",
-}
-_UNITS = {"x": "m", "psi": "rad", "l": "m", "v_x": "m/s", "v_psi": "rad/s", "v_l": "m/s", "t": "s"}
 
 
 def heading(verdict: str | None, kinds: Iterable[str]) -> str:
@@ -81,14 +68,18 @@ def _info(kind: str | None, key: str) -> ParameterInfo | None:
 
 
 def variable_name(variable: str) -> str:
-    return _VARIABLES.get(variable, spaced(variable))
+    """A variable with its symbol, where that is a column of recordings."""
+    name = quantity_name(variable)
+    return f"{name} {variable}" if variable in (*AXES, "u_x", "u_l") else name
 
 
 def variable_unit(variable: str, inputs: Mapping[str, str]) -> str:
     """SI unit of a variable, or the unit of an input; seconds for times since something, nothing where unheard of."""
     if variable in inputs:
         return inputs[variable]
-    return _UNITS.get(variable, "s" if "time" in variable or "since" in variable else "")
+    if variable in QUANTITIES:
+        return QUANTITIES[variable][1]
+    return "s" if "time" in variable or "since" in variable else ""
 
 
 def input_units(units: Mapping[str, str]) -> dict[str, str]:

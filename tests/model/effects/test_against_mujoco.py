@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 from jbridge.model.parameters import ParameterTable
-from jbridge.simulation.rollout import RK4, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import RK4
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, null_effect
 
 pytest.importorskip("mujoco")

@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from jbridge.simulation.rollout import RK4
+from jbridge.simulation.runge_kutta import RK4
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
     EVERY_AXIS,

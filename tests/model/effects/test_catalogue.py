@@ -12,20 +12,15 @@ import numpy as np
 import pytest
 
 from jbridge._types import AXES, Axes
-from jbridge.model.effects.base import (
-    AXIS_OF_SITE,
-    SITES,
-    AbstractFriction,
-    AbstractHysteresis,
-    Scene,
-    options_of,
-    parameters_of,
-    unit_at,
-)
+from jbridge.model.effects.base import AXIS_OF_SITE, SITES, AbstractFriction, AbstractHysteresis, Scene, unit_at
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
+from jbridge.model.effects.fields import options_of, parameters_of
 from jbridge.model.plant import Motion
 from jbridge.simulation.inputs import drive_inputs
-from jbridge.simulation.rollout import MIDPOINT, Motions, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import MIDPOINT
+from jbridge.simulation.state import Motions
 from tests.problems import (
     NUMBERS,
     PERIOD,

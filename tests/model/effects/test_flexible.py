@@ -8,7 +8,9 @@ import scipy.linalg
 import sympy as sp
 
 from jbridge.model.drive_train import _vibration
-from jbridge.simulation.rollout import MIDPOINT, RK4, initial_motion, rollout
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import MIDPOINT, RK4
+from jbridge.simulation.state import initial_motion
 from tests.model.lagrange import accelerations, coordinates, euler_lagrange, t
 from tests.problems import (
     CART_ALONE,

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from jbridge.model.dry_friction import Rows, friction
 from jbridge.model.effects.catalogue import make_effect
-from jbridge.simulation.rollout import MIDPOINT, RK4
+from jbridge.simulation.runge_kutta import MIDPOINT, RK4
 from tests.model.stick_slip import StickSlip
 from tests.problems import (
     CART_ALONE,

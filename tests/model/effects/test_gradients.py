@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from jbridge.model.parameters import ParameterTable, bridge_keys
-from jbridge.simulation.rollout import MIDPOINT, readings, rollout
+from jbridge.simulation.measurement import readings
+from jbridge.simulation.rollout import rollout
+from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.problems import MECHANISMS, PLACES, Everything, example, lively_inputs, make_lane, make_plant, make_state
 
 COUNT = 60

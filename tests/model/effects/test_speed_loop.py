@@ -12,7 +12,7 @@ from jbridge.model.effects.drives import UNLIMITED
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.speed_loop import shares
 from jbridge.model.steps import substeps
-from jbridge.simulation.rollout import MIDPOINT
+from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.model.effects.test_gradients import START, check_forward, check_reverse, programs
 from tests.problems import (
     LOCKED_ROPE,

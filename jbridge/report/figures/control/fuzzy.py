@@ -166,7 +166,6 @@ def draw_rules(
     system: AbstractSystem,
     times: NDArray[np.float64],
     values: NDArray[np.float64],
-    explanation: str = "",
 ) -> Picture:
     """Which rules spoke when, and what they concluded together.
 
@@ -176,7 +175,6 @@ def draw_rules(
         system: whose rules.
         times: [s].
         values: of the inputs, `(time, input)`.
-        explanation: stands below the title.
     """
     found = jax.vmap(system.infer)(jnp.asarray(values))
     strength, output = np.asarray(found.strength), np.asarray(found.output)[:, 0]
@@ -198,10 +196,9 @@ def draw_rules(
         below.set_xlabel("time [s]")
         figure.colorbar(drawn, ax=[above, below], label="firing strength", shrink=0.6, pad=0.01)
 
-    said = explanation
+    said = ""
     if silent.any():
-        share = f"In {100 * silent.mean():.2g} % of the time no rule fires (shaded) and the output is its mid-range."
-        said = f"{said} {share}".strip()
+        said = f"In {100 * silent.mean():.2g} % of the time no rule fires (shaded) and the output is its mid-range."
     return picture(name, title, 1.6 + 0.26 * len(words), draw, said)
 
 

@@ -23,9 +23,7 @@ Run = Mapping[str, NDArray[np.float64]]
 """Columns `t` [s], `x` [m], `psi` [rad], `l` [m], `u_x`, `u_l` [V]."""
 
 
-def draw_positions(
-    name: str, title: str, reference: Run, runs: Mapping[str, Run], explanation: str = "", *, volts: bool = False
-) -> Picture:
+def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run], *, volts: bool = False) -> Picture:
     """Positions over time.
 
     Args:
@@ -33,7 +31,6 @@ def draw_positions(
         title: stands above it.
         reference: columns `t`, `x`, `l`.
         runs: by what they are called.
-        explanation: stands below the title.
         volts: whether voltages are shown as well.
     """
     rows = _ROWS + _VOLTS if volts else _ROWS
@@ -58,10 +55,10 @@ def draw_positions(
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=len(names))
 
-    return picture(name, title, 2.2 * len(rows), draw, explanation)
+    return picture(name, title, 2.2 * len(rows), draw)
 
 
-def draw_commands(name: str, title: str, runs: Mapping[str, Run], explanation: str = "") -> Picture:
+def draw_commands(name: str, title: str, runs: Mapping[str, Run]) -> Picture:
     """Voltages over time, cart on the left and hoist on the right."""
 
     def draw(figure: FigureBase) -> None:
@@ -76,7 +73,7 @@ def draw_commands(name: str, title: str, runs: Mapping[str, Run], explanation: s
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=len(names))
 
-    return picture(name, title, 3.4, draw, explanation)
+    return picture(name, title, 3.4, draw)
 
 
 def draw_way(
@@ -85,7 +82,6 @@ def draw_way(
     reference: Run,
     runs: Mapping[str, Run],
     points: Sequence[tuple[str, float, float]],
-    explanation: str = "",
 ) -> Picture:
     """The load's way in the plane, as one sees it in front of the rig.
 
@@ -95,7 +91,6 @@ def draw_way(
         reference: columns `x`, `l`.
         runs: by what they are called.
         points: names, cart positions and rope lengths of the points to visit [m].
-        explanation: stands below the title.
     """
 
     def draw(figure: FigureBase) -> None:
@@ -116,4 +111,4 @@ def draw_way(
         panel.set_ylabel("load's depth below the rail [m]")
         figure.legend(loc="outside upper left", ncols=4)
 
-    return picture(name, title, 4.4, draw, explanation)
+    return picture(name, title, 4.4, draw)

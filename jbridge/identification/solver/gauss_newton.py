@@ -1,0 +1,179 @@
+"""Reweighted Gauss-Newton for many starts at once.
+
+Each start has parameters and, for every window, an initial state. The criterion's weights are those of its tangent
+(iteratively reweighted least squares); initial states are eliminated window by window (variable projection), so that
+the damped and bounded step is one in the parameters alone. After a step each window keeps the initial state that meets
+it better, the moved one or the former, so that a window whose initial state lies in another basin holds up no other.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.parameters import ParameterTable
+from ..data.windows import Data
+from ..likelihood import Index, Likelihood
+from ..sensitivity.engine import Engine
+from .bounds import bounded_step, ties
+from .prediction_errors import Point, Start, evaluate
+from .variable_projection import Normal, moved_states, normal_equations
+
+_START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
+_SHORTER = 0.25
+"""What a window's step is multiplied with after one that it refused."""
+
+
+def solve(
+    engine: Engine,
+    data: Data,
+    windows: Index,
+    likelihood: Likelihood,
+    starts: Sequence[Start],
+    *,
+    iterations: int,
+    tolerance: float = 0.1,
+) -> list[Point]:
+    """Minimises the criterion from every start.
+
+    Args:
+        engine: of the plant.
+        data: recordings and tilings.
+        windows: of the tilings.
+        likelihood: the criterion.
+        starts: where to begin.
+        iterations: most steps of each.
+        tolerance: a fit is done when a step gains less than this [nat], or a thousandth of that per unit of the
+            criterion.
+    """
+    points = _from_other_states(engine, data, windows, likelihood, evaluate(engine, data, likelihood, starts))
+    damping = np.full(len(starts), _START_DAMPING)
+    # Share of its Gauss-Newton step that each window's initial state takes.
+    pace = np.ones((len(starts), len(windows.tiling)))
+    active = np.ones(len(starts), bool)
+    for _ in range(iterations):
+        chosen = [int(i) for i in np.flatnonzero(active)]
+        if not chosen:
+            break
+        normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen])
+        waiting = dict(zip(chosen, normals, strict=True))
+        while waiting:
+            trials = []
+            for i, normal in waiting.items():
+                point = points[i]
+                weight = likelihood.weights(point.square)
+                step = _parameter_step(engine.table, normal, weight, point, damping[i])
+                vector = point.vector.copy()
+                vector[point.free] += step
+                moved = (normal.shift + normal.back @ step) * pace[i][:, None]
+                trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
+            found = evaluate(engine, data, likelihood, trials)
+            found, refused = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
+            after = {}
+            for (i, normal), new, no in zip(waiting.items(), found, refused, strict=True):
+                pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
+                gain = points[i].value - new.value
+                if gain > 0:
+                    points[i] = new
+                    damping[i] = max(0.1 * damping[i], 1e-9)
+                    active[i] = gain > tolerance * max(1.0, 1e-3 * abs(new.value))
+                elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):
+                    active[i] = False
+                else:
+                    damping[i] *= 30.0
+                    # What gains nothing after a few shorter steps has arrived.
+                    active[i] = damping[i] < 1e2
+                    if active[i]:
+                        after[i] = normal
+            waiting = after
+    return points
+
+
+def _parameter_step(
+    table: ParameterTable, normal: Normal, weight: NDArray[np.float64], point: Point, damping: float
+) -> NDArray[np.float64]:
+    """Damped Gauss-Newton step of the free parameters within their bounds."""
+    free, vector = point.free, point.vector
+    low, high = table.bounds()
+    total = np.einsum("wc,wcij->ij", weight, normal.products)
+    n = len(free)
+    tied = ties(table, free, np.diag(total)[:n])
+    at = vector[free]
+    gradient = total[:n, n] + tied @ at
+    return bounded_step(total[:n, :n] + tied, gradient, low[free] - at, high[free] - at, damping)
+
+
+def _kept_where_better(
+    engine: Engine,
+    data: Data,
+    windows: Index,
+    likelihood: Likelihood,
+    before: Sequence[Point],
+    after: Sequence[Point],
+) -> tuple[list[Point], list[NDArray[np.bool_]]]:
+    """The points with, for each window, the initial state that meets it better: the moved one, or the former; and
+    which windows kept the former."""
+    worse = []
+    refused = [np.zeros(len(windows.tiling), bool) for _ in before]
+    for i, (old, new) in enumerate(zip(before, after, strict=True)):
+        loss = (likelihood.by_window(new.square) - likelihood.by_window(old.square)).sum(axis=1)
+        if (loss > 0).any():
+            worse.append(i)
+    if not worse:
+        return list(after), refused
+    again = evaluate(
+        engine,
+        data,
+        likelihood,
+        [Start(after[i].vector, after[i].free, before[i].states) for i in worse],
+    )
+    out = list(after)
+    for i, former in zip(worse, again, strict=True):
+        out[i], refused[i] = _better_by_window(windows, likelihood, after[i], former)
+    return out, refused
+
+
+def _from_other_states(
+    engine: Engine, data: Data, windows: Index, likelihood: Likelihood, points: Sequence[Point]
+) -> list[Point]:
+    """The points with, for each window, the initial state in hand or another one, whichever meets it better: that of a
+    shorter window that begins with it, whose fit is nearly linear, or else its first guess.
+
+    A model that lacks much pulls initial states into basins that better parameters alone do not lead out of: those of a
+    cart that is held a moment longer.
+    """
+    others = [Start(p.vector, p.free, _states_of_shorter(data, p.states)) for p in points]
+    again = evaluate(engine, data, likelihood, others)
+    return [_better_by_window(windows, likelihood, p, q)[0] for p, q in zip(points, again, strict=True)]
+
+
+def _states_of_shorter(data: Data, states: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
+    """For each window the initial state of the longest shorter one that begins with it, or else its first guess."""
+    out = []
+    for tiling in data.tilings:
+        own = tiling.states.copy()
+        shorter = [
+            (other.horizon, other.begins, found)
+            for other, found in zip(data.tilings, states, strict=True)
+            if other.recording == tiling.recording and other.horizon < tiling.horizon
+        ]
+        for _, begins, found in sorted(shorter, key=lambda entry: entry[0]):
+            _, here, there = np.intersect1d(tiling.begins, begins, return_indices=True)
+            own[here] = found[there]
+        out.append(own)
+    return tuple(out)
+
+
+def _better_by_window(
+    windows: Index, likelihood: Likelihood, point: Point, other: Point
+) -> tuple[Point, NDArray[np.bool_]]:
+    """A point with the initial states of another one, of the same parameters, where these meet a window better, and
+    where they do."""
+    better = likelihood.by_window(other.square).sum(axis=1) < likelihood.by_window(point.square).sum(axis=1)
+    states = tuple(
+        np.where(better[windows.tiling == k][:, None], theirs, own)
+        for k, (own, theirs) in enumerate(zip(point.states, other.states, strict=True))
+    )
+    square = np.where(better[:, None], other.square, point.square)
+    return dataclasses.replace(point, states=states, square=square, value=likelihood.value(square)), better

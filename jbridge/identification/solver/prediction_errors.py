@@ -1,0 +1,76 @@
+"""What simulations leave of the measurements, from given parameters and initial states of windows."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data.windows import Data
+from ..likelihood import Likelihood
+from ..sensitivity.engine import Engine, Job
+from ..sensitivity.windowed_rollout import FAR
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Where a fit begins."""
+
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    states: tuple[NDArray[np.float64], ...]
+    """By tiling, `(window, 6)`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """Parameters and initial states, and what they leave."""
+
+    vector: NDArray[np.float64]
+    free: NDArray[np.int64]
+    states: tuple[NDArray[np.float64], ...]
+    square: NDArray[np.float64]
+    """Mean square of each window's errors over the noise's variance, by window and channel."""
+    value: float
+    """The criterion without a price."""
+
+    @property
+    def start(self) -> Start:
+        return Start(self.vector, self.free, self.states)
+
+
+def evaluate(engine: Engine, data: Data, likelihood: Likelihood, starts: Sequence[Start]) -> list[Point]:
+    """Simulates every start once."""
+    jobs = [Job(s.vector, t.recording, t.begins, s.states[k]) for s in starts for k, t in enumerate(data.tilings)]
+    predicted = engine.predict(jobs)
+    out, count = [], len(data.tilings)
+    for i, start in enumerate(starts):
+        square = np.concatenate(
+            [squares(data, k, predicted[i * count + k]) for k in range(count)] or [np.zeros((0, 3))]
+        )
+        out.append(Point(start.vector, start.free, start.states, square, likelihood.value(square)))
+    return out
+
+
+def residuals(engine: Engine, data: Data, start: Start | Point) -> list[NDArray[np.float64]]:
+    """What a simulation leaves over the noise, by tiling `(sample, 3)`; 0 where nothing is measured."""
+    jobs = [Job(start.vector, t.recording, t.begins, start.states[k]) for k, t in enumerate(data.tilings)]
+    return [residual(data, k, found) for k, found in enumerate(engine.predict(jobs))]
+
+
+def residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+    r = data.tilings[tiling].recording
+    # What is no number counts as one that is far off, like a simulation that runs away.
+    predicted = np.where(np.isfinite(predicted), predicted, FAR)
+    return np.where(data.measured[r], (predicted - data.y[r]) / data.noise[r], 0.0)
+
+
+def squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean square error of each window over the noise's variance, `(window, 3)`."""
+    t = data.tilings[tiling]
+    measured = data.measured[t.recording]
+    square = residual(data, tiling, predicted) ** 2
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(square, axis=0)])
+    counts = np.concatenate([np.zeros((1, 3)), np.cumsum(measured, axis=0)])
+    number = counts[t.stops] - counts[t.count_from]
+    return (sums[t.stops] - sums[t.count_from]) / np.maximum(number, 1.0)
