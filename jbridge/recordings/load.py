@@ -13,13 +13,8 @@ from jbridge.recordings.channels import Channels, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.parts import Parts, find_parts
-from jbridge.recordings.plausibility import (
-    doubtful_angle,
-    doubtful_names,
-    doubtful_signs,
-    doubtful_units,
-    signs_of,
-)
+from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
+from jbridge.recordings.plausibility.units import doubtful_angle, doubtful_names, doubtful_units
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar

@@ -1,0 +1,239 @@
+"""Equations of motion that hold whatever a rig's masses, gains and friction are:
+
+- of the load, `l psi'' + 2 l' psi' + g sin(psi) + x'' cos(psi) = 0`;
+- of a driven axis, `x'' = b u - c x' - d sign(x') + e sin(psi) + f` with `b`, `c`, `d` not negative, or, where the
+  drive imposes the speed, `x' = b u + f`.
+
+Each is met by what was read and by what would have been read in another unit or of another sign. What was read is
+called wrong only if it leaves four times the squared error (`WORSE`), and if that is no matter of a few moments
+(`CERTAIN`). Whatever explains a recording as read, be it badly, stays: noise, friction, rest, a motor that is off, and
+motion that both signs explain alike.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from jbridge.recordings.checks import GRAVITY
+
+WORSE = 4.0
+"""Squared error that is left, as a multiple of what another reading leaves: twice the rms error."""
+CERTAIN = 3.0
+"""Sum, over stretches of time, of how plainly each speaks for the other reading, over the root of their sum of
+squares. Were each as likely to speak against it, this would be exceeded with a probability of at most exp(-3² / 2) =
+1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
+STRETCH = 3
+"""Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
+LATE, LATE_AGAINST = range(8), range(2)
+"""Delays that are tried [cells] of a drive as declared, and of one that is turned. A periodic input, and the limit
+cycle of a controller with a late drive, look turned once they come half a period late, so that the declared sign has
+every chance, and the other one that of a drive that answers at once."""
+CELL = 0.1
+"""Time over which a driven axis is averaged [s]: well above sampling periods, not above the time constants of carts."""
+Samples = tuple[np.ndarray, np.ndarray]
+"""Times [s] and values of a channel's samples."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Channels of a recording as means over equal cells of time, which no noise of single samples shows in."""
+
+    length: float
+    """Of a cell [s]."""
+    whole: np.ndarray
+    """True where a cell, and the two after it, hold no gap."""
+    values: Mapping[str, np.ndarray]
+    """Mean of each channel by cell."""
+
+    def middle(self, name: str) -> np.ndarray:
+        """Returns a channel as seen by the kernel of the second difference, a quadratic B-spline."""
+        v = self.values[name]
+        return (v[:-2] + 4 * v[1:-1] + v[2:]) / 6
+
+    def rate(self, name: str) -> np.ndarray:
+        """Returns the first derivative, by central differences."""
+        v = self.values[name]
+        return (v[2:] - v[:-2]) / (2 * self.length)
+
+    def acceleration(self, name: str) -> np.ndarray:
+        """Returns the second derivative, exact for the mean under the kernel."""
+        v = self.values[name]
+        return (v[2:] - 2 * v[1:-1] + v[:-2]) / self.length**2
+
+
+def in_cells(
+    length: float,
+    times: np.ndarray,
+    measured: Mapping[str, Samples],
+    inputs: Mapping[str, np.ndarray],
+) -> Cells | None:
+    """Returns the means over cells of time, or None where the recording has too few.
+
+    Args:
+        length: of a cell [s].
+        times: of the rows [s].
+        measured: times [s] and values of the fresh samples of each channel, straight in between.
+        inputs: held from row to row.
+    """
+    count = int((times[-1] - times[0]) / length)
+    if count < STRETCH * CERTAIN**2 or count > 10_000_000:
+        return None
+    edges = times[0] + length * np.arange(count + 1)
+    values = {}
+    for name, (moments, samples) in measured.items():
+        # The mean of a broken line over a cell, from its integral. Its own samples within a cell count alike.
+        grid = np.union1d(edges, moments)
+        line = np.interp(grid, moments, samples)
+        area = np.concatenate([[0.0], np.cumsum(np.diff(grid) * (line[1:] + line[:-1]) / 2)])
+        values[name] = np.diff(area[np.searchsorted(grid, edges)]) / length
+    for name, held in inputs.items():
+        area = np.concatenate([[0.0], np.cumsum(np.diff(times) * held[:-1])])
+        values[name] = np.diff(np.interp(edges, times, area)) / length
+    gaps = np.zeros(count, bool)
+    for moments in [times, *(moments for moments, _ in measured.values())]:
+        steps = np.diff(moments)
+        long = steps > max(length, 3 * float(np.median(steps)))
+        for start, stop in zip(moments[:-1][long], moments[1:][long], strict=True):
+            first, last = np.searchsorted(edges, [start, stop])
+            gaps[max(first - 1, 0) : last] = True
+    whole = ~(gaps[:-2] | gaps[1:-1] | gaps[2:])
+    return Cells(length, whole, values)
+
+
+def certainly_better(errors: np.ndarray, other: np.ndarray, worse: float = WORSE) -> bool:
+    """Says whether `other` leaves plainly smaller errors, and in many stretches of time rather than in a few."""
+    if not np.sum(errors**2) > worse * np.sum(other**2):
+        return False
+    count = errors.size // STRETCH
+    these, those = ((e[: count * STRETCH] ** 2).reshape(count, STRETCH).sum(axis=1) for e in (errors, other))
+    # Each stretch counts by how plainly it speaks, one at rest hardly; or by how much of the error it shows.
+    shares = (these - those) / np.maximum(these + those + those.mean(), 1e-300)
+    plainly = [votes.sum() > CERTAIN * np.sqrt(np.sum(votes**2)) for votes in (shares, these - those)]
+    return any(plainly)
+
+
+@dataclass(frozen=True)
+class Misread:
+    """How cart and angle would have to be read for the load's equation to hold."""
+
+    unit: str = ""
+    """Of the cart's position, where it is not the declared one."""
+    turned: bool = False
+    """Whether the angle, or the position, has the other sign."""
+
+
+def swing_errors(cells: Cells, factor: float) -> np.ndarray:
+    """Returns what the load's equation leaves [m/s²], if the cart's position is `factor` times what was read.
+
+    -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for a
+    cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
+    anywhere near hanging or near upright.
+    """
+    psi, l = cells.middle("psi"), cells.middle("l")
+    turning = l * cells.acceleration("psi")
+    if np.ptp(l) > 0:
+        turning = turning + 2 * cells.rate("l") * cells.rate("psi")
+    force = GRAVITY * cells.middle("sin")
+    if factor:
+        force = force + factor * cells.acceleration("x") * np.cos(psi)
+    turning, force = turning[cells.whole], force[cells.whole]
+    turning, force = turning - turning.mean(), force - force.mean()
+    share = -np.dot(turning, force) / max(float(np.dot(turning, turning)), 1e-300)
+    of_zeros = [np.clip(share, 0.5, 2.0) * turning + force, np.clip(-share, 0.5, 2.0) * turning - force]
+    return min(of_zeros, key=lambda left: float(np.sum(left**2)))
+
+
+def misread_swing(times: np.ndarray, psi: Samples, x: Samples | None, l: Samples) -> Misread | None:
+    """Returns how cart and angle would have to be read for the load's equation to hold, if that is certain.
+
+    Each channel comes as times [s] and values of its samples; `x` is None for a fixed cart. What may be right as it
+    was read gives None.
+    """
+    if x is None:
+        return None
+    cells = swing_cells(times, psi, x, l)
+    if cells is None:
+        return None
+    readings = {
+        Misread(unit, turned): swing_errors(cells, -size if turned else size)
+        for unit, size in {"": 1.0, "cm": 0.01, "mm": 0.001}.items()
+        for turned in (False, True)
+    }
+    best = min(readings, key=lambda reading: float(np.sum(readings[reading] ** 2)))
+    # The cart must be needed at all: a position that is mere noise is best left out.
+    needed = certainly_better(swing_errors(cells, 0.0), readings[best], worse=WORSE / 2)
+    return best if needed and certainly_better(readings[Misread()], readings[best]) else None
+
+
+def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:
+    """Returns a swing in eighths of its period, or None where it is too short to decide anything."""
+    period = 2 * np.pi * np.sqrt(float(np.median(l[1])) / GRAVITY)
+    cells = in_cells(period / 8, times, {"x": x, "psi": psi, "l": l, "sin": (psi[0], np.sin(psi[1]))}, {})
+    return cells if cells is not None and np.count_nonzero(cells.whole) >= STRETCH * CERTAIN**2 else None
+
+
+def runs_backwards(
+    times: np.ndarray,
+    u: np.ndarray,
+    position: Samples,
+    psi: Samples | None,
+) -> bool:
+    """Says whether an axis certainly moves against its input.
+
+    A drive may move with its input or against it, and answer at once or late. Against it is certain if this leaves
+    plainly less than the other at every delay, either of the acceleration or of the speed, and if neither speaks for
+    the other.
+    """
+    if np.ptp(u) == 0:
+        return False
+    length = max(CELL, 2 * float(np.median(np.diff(position[0]))))
+    measured = {"q": position} | ({} if psi is None else {"sin": (psi[0], np.sin(psi[1]))})
+    cells = in_cells(length, times, measured, {"u": u})
+    if cells is None or np.count_nonzero(cells.whole) < STRETCH * CERTAIN**2:
+        return False
+    speed = cells.rate("q")
+    direction = np.sign(speed) * (np.abs(speed) > 0.05 * np.abs(speed).max())
+    load = [] if psi is None else [cells.middle("sin")]
+    # A friction, and what the load does, may have any sign where it is not known whether the axis is read turned.
+    of_force = against_and_with(cells, cells.acceleration("q"), [-speed, -direction], load)
+    of_speed = against_and_with(cells, speed, [], [])
+    verdicts = [(certainly_better(w, a), bool(np.sum(w**2) < np.sum(a**2))) for a, w in (of_force, of_speed)]
+    return any(against for against, _ in verdicts) and not any(along for _, along in verdicts)
+
+
+def against_and_with(
+    cells: Cells, target: np.ndarray, positive: list[np.ndarray], free: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns what is left of a motion that goes against its input, and of one that goes with it, at the best delay.
+
+    Args:
+        cells: of the recording.
+        target: the motion.
+        positive: what enters with a factor that is not negative.
+        free: what enters with any factor.
+    """
+    late = max(LATE)
+    chosen = cells.whole[late:]
+    wanted = target[late:][chosen]
+    others = [part[late:][chosen] for part in (*positive, *free)] + [np.ones(wanted.size)]
+    left: dict[bool, np.ndarray] = {}
+    u = cells.middle("u")
+    for delay in LATE:
+        parts = np.stack([u[late - delay : u.size - delay][chosen], *others], axis=1)
+        scale = np.maximum(np.sqrt(np.mean(parts**2, axis=0)), 1e-300)
+        triangle = np.asarray(np.linalg.qr(np.column_stack([parts / scale, wanted]), mode="r"))
+        count = parts.shape[1]
+        for against in (True, False) if delay in LATE_AGAINST else (False,):
+            way = np.ones(count)
+            way[0] = -1.0 if against else 1.0
+            # What may have any factor enters twice, once with each sign.
+            both = triangle[:, :count] * way
+            found, _ = nnls(np.column_stack([both, -both[:, count - len(free) - 1 :]]), triangle[:, count])
+            factors = found[:count]
+            factors[count - len(free) - 1 :] -= found[count:]
+            errors = wanted - parts @ (way * factors / scale)
+            if against not in left or np.sum(errors**2) < np.sum(left[against] ** 2):
+                left[against] = errors
+    return left[True], left[False]

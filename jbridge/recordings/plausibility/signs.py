@@ -1,0 +1,140 @@
+"""Channels of another sign than declared, and columns that are exchanged, found from the equations of motion."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from jbridge.errors import InputError
+from jbridge.recordings.channels import Channels
+from jbridge.recordings.checks import GRAVITY
+from jbridge.recordings.plausibility.motion import (
+    Samples,
+    certainly_better,
+    misread_swing,
+    runs_backwards,
+    swing_cells,
+    swing_errors,
+)
+from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
+from jbridge.recordings.recording import MEASURED, Recording
+
+HOLDS = 0.1
+"""Share of the forces' mean square up to which an equation holds; those of measured rigs leave 0.1 to 26 %, and
+exchanged columns 12 to 99 %."""
+
+
+def doubtful_signs(
+    channels: Channels, samples: Mapping[str, Samples], locked_length: float | None
+) -> Iterator[InputError]:
+    """Yields the refusals of channels that contradict the laws of motion as they are read, but not otherwise.
+
+    Args:
+        channels: of the recording.
+        samples: the fresh samples of each measured channel.
+        locked_length: of the rope [m], where there is no `l`.
+    """
+    times, values = channels.values["t"], channels.values
+    x, psi, l = (samples.get(name) for name in ("x", "psi", "l"))
+    if l is None and locked_length is not None:
+        l = times[[0, -1]], np.full(2, locked_length)
+    if x is not None and psi is not None and l is not None and is_swapped(times, psi, x, l):
+        yield exchange(channels, "x", "psi")
+        return
+    swing = None if psi is None or l is None else misread_swing(times, psi, x, l)
+    if swing is not None and swing.unit:
+        yield refusal(channels, "x", "the cart moves too far for the swing of its load", unit=swing.unit)
+        return
+    swapped = list(exchanged_axes(channels, samples))
+    if swapped:
+        yield from swapped
+        return
+    against = x is not None and "u_x" in values and runs_backwards(times, values["u_x"], x, psi)
+    turned = swing is not None and swing.turned
+    if turned and against:
+        yield refusal(channels, "x", "it goes against its input and against the swing of the load", turned=True)
+    elif against:
+        yield refusal(channels, "u_x", "the cart moves against it at every delay", turned=True)
+    elif turned:
+        yield refusal(channels, "psi", "the load swings to where the cart accelerates, against gravity", turned=True)
+    if "l" in samples and "u_l" in values and runs_backwards(times, values["u_l"], samples["l"], None):
+        yield refusal(channels, "u_l", "the rope's length moves against it at every delay", turned=True)
+
+
+def exchanged_axes(channels: Channels, samples: Mapping[str, Samples]) -> Iterator[InputError]:
+    """Yields the refusal of inputs, or else positions, of cart and hoist if each certainly moves with the other's."""
+    times, values = channels.values["t"], channels.values
+    if not {"u_x", "u_l"} <= values.keys() or not {"x", "l"} <= samples.keys():
+        return
+    x, l = samples["x"], samples["l"]
+    own, other = (
+        [runs_backwards(times, -values[u], position, None) for u, position in pairs]
+        for pairs in ((("u_x", x), ("u_l", l)), (("u_x", l), ("u_l", x)))
+    )
+    if all(other) and not any(own):
+        yield exchange(channels, *(("u_x", "u_l") if swing_holds(times, samples) else ("x", "l")))
+
+
+def swing_holds(times: np.ndarray, samples: Mapping[str, Samples]) -> bool:
+    """Says whether the load's equation is certain to fit the cart as read, so that no other position will do."""
+    if "psi" not in samples:
+        return True
+    turned = misread_swing(times, samples["psi"], (samples["x"][0], -samples["x"][1]), samples["l"])
+    return turned is not None and turned.turned
+
+
+def is_swapped(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> bool:
+    """Says whether the load's equation certainly holds with position and angle exchanged, and not as they were read.
+
+    Both are judged by what they leave of their own forces and accelerations, since their sizes differ.
+    """
+    if np.ptp(psi[1]) == 0 or np.ptp(x[1]) == 0:
+        return False  # what stands still fits every equation
+    left = []
+    for angle, position in ((psi, x), (x, psi)):
+        cells = swing_cells(times, angle, position, l)
+        if cells is None:
+            return False
+        parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"), cells.acceleration("x"))
+        size = sum(float(np.var(part[cells.whole])) for part in parts)
+        errors = min((swing_errors(cells, way) for way in (1.0, -1.0)), key=lambda e: float(np.sum(e**2)))
+        left.append(errors / np.sqrt(max(size, 1e-300)))
+    as_read, exchanged = left
+    return float(np.mean(exchanged**2)) < HOLDS and certainly_better(as_read, exchanged)
+
+
+def exchange(channels: Channels, one: str, other: str) -> InputError:
+    """Returns the refusal of two channels that have each other's columns."""
+    columns = channels.columns
+    lines = [
+        replace(columns[mine], name=columns[yours].name).line(mine) for mine, yours in ((one, other), (other, one))
+    ]
+    return InputError(
+        f"{channels.table.path}, columns {columns[one].name} and {columns[other].name}: the laws of motion hold with"
+        f" the two exchanged, and not as they are; declare {lines[0]} and {lines[1]} {place(channels)}{FORCE}"
+    )
+
+
+def signs_of(recording: Recording) -> dict[str, bool | None]:
+    """Returns whether the signs of a recording fit the laws of motion: True if they certainly do, False if they
+    certainly do not, None where it does not tell. They do if the other sign would certainly be wrong.
+    """
+    samples = {name: recording.samples(name) for name in MEASURED if getattr(recording, name) is not None}
+    x, psi, l = (samples.get(name) for name in MEASURED)
+    if l is None and recording.locked_length is not None:
+        l = recording.times[[0, -1]], np.full(2, recording.locked_length)
+    found: dict[str, bool | None] = {}
+    if x is not None and psi is not None and l is not None:
+        as_read, turned = (misread_swing(recording.times, psi, (x[0], way * x[1]), l) for way in (1, -1))
+        found["psi"] = decided(turned is not None and turned.turned, as_read is not None and as_read.turned)
+    for name, position, load in (("u_x", x, psi), ("u_l", samples.get("l"), None)):
+        u = getattr(recording, name)
+        if u is not None and position is not None:
+            backwards = [runs_backwards(recording.times, way * u, position, load) for way in (1, -1)]
+            found[name] = decided(backwards[1], backwards[0])
+    return found
+
+
+def decided(right: bool, wrong: bool) -> bool | None:
+    """Returns a decision, or None where neither side was certain."""
+    return None if right == wrong else right
