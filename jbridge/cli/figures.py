@@ -17,7 +17,7 @@ controls the virtual rig.
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    figures = command(commands, "figures", "the paper's figures and tables", _HELP, run)
+    figures = command(commands, "figures", "redraw the paper's figures and tables", _HELP, run)
     figures.epilog = "example:\n  jbridge figures"
     figures.add_argument(
         "--data", metavar="DATA.json", default="figures/data/paper.json", help="what was measured (%(default)s)"

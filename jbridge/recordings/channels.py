@@ -33,6 +33,8 @@ class Channels:
     notes: tuple[str, ...]
     near: dict[str, Column] = field(default_factory=dict)
     """Columns that are probably meant for a channel that was not found, by their names."""
+    left_out: frozenset[str] = frozenset()
+    """Channels that the sidecar declares to be absent."""
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
@@ -72,7 +74,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
                 f" {times.size}; save vectors of one length"
             )
     used = {column.name for column in columns.values()}
-    left_out = {channel for channel in CHANNELS if declared.column(channel) is None}
+    left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)
     others = {name: values for name, values in table.columns.items() if name not in used | left_out}
     extras = {name: values for name, values in others.items() if values.size == times.size}
     notes = list(table.notes)
@@ -89,7 +91,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         for channel in CHANNELS
         if channel not in columns and channel not in left_out and (column := near_column(channel, extras))
     }
-    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near)
+    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
     check_finite(whole.error, "t", times)
     check_times(whole.error, times)
     channels = trim(path, whole, declared)

@@ -49,11 +49,6 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
     if not inputs_only:
         require_measurement(header, values)
         if "u_x" in values and "x" not in values:
-            if np.ptp(values["u_x"]) > 0 and "x" not in declared.columns:
-                raise InputError(
-                    f"{header}: u_x varies, and there is no x that it moves; map the cart's position in"
-                    f" {sidecar_name}: [columns] {line_for('x', channels)}, or write x = false if the cart is fixed"
-                )
             unused.add("u_x")
             notes.append("There is no x, so the load is taken to hang from a fixed point and u_x is not used.")
     if "u_l" in values and declared.locked is not None:

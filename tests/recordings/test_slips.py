@@ -215,7 +215,9 @@ REFUSED = {
         edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?,.*?,)[^,]*", r"\g<1>9", n[60]), *n[61:]]),
         r"row 61, column x: .* away from the row above",
     ),
-    "an unknown name for the position": (lambda: table(renamed(x="y")), r"u_x varies, and there is no x"),
+    "an unknown name for the position": (
+        lambda: table(renamed(x="y")), r"u_x varies, but there is no x .* y, declare it, such as x = \{column = .y"
+    ),
     "a doubled row": (edited(lambda n: [*n[:50], n[49], *n[50:]]), r"row 51, column t: .*delete repeated rows"),
     "all rows doubled": (edited(lambda n: [n[0], *sum(([r, r] for r in n[1:]), [])]), r"row 3, column t: .*repeated"),
     "two files in one": (edited(lambda n: [*n, *n[1:]]), r"column t: .*keep one run in a file"),

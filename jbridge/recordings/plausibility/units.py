@@ -4,15 +4,16 @@ Sizes show a unit: no laboratory's rail is 20 m long. What sizes leave open show
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, listed
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
 from jbridge.recordings.plausibility.motion import CELL, swing_cells, swing_errors
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
-from jbridge.recordings.tables.columns import UNITS
+from jbridge.recordings.tables.columns import UNITS, plain_column
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
@@ -38,6 +39,29 @@ def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
             yield InputError(
                 f"{channels.table.header}, column {column.name}: not used, and there is no {channel}; declare"
                 f" {column.line(channel)} {place(channels)}, or {channel} = false if it is something else{FORCE}"
+            )
+
+
+def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
+    """Yields the refusals of a cart or a swing that is missing, though other declarations speak of it, where columns of
+    other names may be it.
+
+    Args:
+        channels: of the recording.
+        locked: whether the rope's length is declared.
+    """
+    values, others = channels.values, listed(channels.extras)
+    driven = "u_x" in values and np.ptp(values["u_x"]) > 0
+    for channel, there, why in (
+        ("x", driven, "u_x varies, but there is no x that it moves"),
+        ("psi", locked and "x" in values, "the rope is declared locked, but there is no psi"),
+    ):
+        known = values.keys() | channels.near.keys() | channels.left_out
+        if there and channel not in known and channels.extras:
+            line = replace(plain_column(channel), name=next(iter(channels.extras))).line(channel)
+            yield InputError(
+                f"{channels.table.header}: {why}; if it is one of the columns not used, {others}, declare it, such as"
+                f" {line}, {place(channels)}, otherwise {channel} = false{FORCE}"
             )
 
 
