@@ -15,7 +15,7 @@ from ..text.quantities import UNKNOWN, percent, shown
 from ..text.rows import error_rows, error_text, is_changed
 from ..text.tables import Table, errors_table, parameter_tables
 from ..text.words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, heading
-from .next_steps import decided_table, limits_table
+from .next_steps import decided_table, limits_table, unlimited
 from .places import when_sentences, where_sentences
 from .trials import trial_table
 
@@ -37,7 +37,7 @@ def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
         repeatable=_repeatable(diagnosis),
         where=[*where_sentences(diagnosis), *when_sentences(diagnosis)],
         decided=decided_table(diagnosis.continued),
-        invisible="; ".join(effect_name(row.kind, row.site) for row in diagnosis.not_seen if row.limit is None),
+        invisible=unlimited(diagnosis.not_seen),
         notable=limits_table(row for row in diagnosis.not_seen if row.notable and row.limit is not None),
         negligible=limits_table(row for row in diagnosis.not_seen if not row.notable and row.limit is not None),
         notes=_gathered(diagnosis.notes),
