@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("docs/results.md", "docs/export.md")
-FIRST_ONLY = {"concealed-table", "tuning-from-recordings"}
+FIRST_ONLY = {"tuning-from-recordings"}
 """Tables of several sections of which a page shows the first."""
 
 

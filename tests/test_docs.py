@@ -122,6 +122,25 @@ def alike(shown, printed):
     return [line for line in shown if line.strip() and not any(same(line, other) for other in printed)]
 
 
+def test_check_prints_what_the_page_shows(tmp_path, monkeypatch, capsys):
+    """A position in millimetres; with the line that is offered in the sidecar, nothing is wrong any more."""
+    blocks = FENCED.findall((ROOT / "docs/own-rig.md").read_text(encoding="utf-8"))
+    (shown,) = [body for kind, body in blocks if body.startswith("$ jbridge check monday-1.csv")]
+    header, *rows = (ROOT / "tests/recordings/whole_bridge.csv").read_text(encoding="utf-8").splitlines()
+    place = header.split(",").index("x")
+    cells = [row.split(",") for row in rows]
+    in_mm = [",".join([*row[:place], repr(1e3 * float(row[place])), *row[place + 1 :]]) for row in cells]
+    (tmp_path / "monday-1.csv").write_text("\n".join([header, *in_mm]) + "\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "monday-1.csv"]) == 2
+    printed = capsys.readouterr().out.splitlines()
+    assert [line for line in shown.splitlines()[1:] if line != "..." and line not in printed] == []
+    (line,) = re.findall(r"declare (x = \{.*?\})", shown)
+    (tmp_path / "monday-1.toml").write_text(f"[columns]\n{line}\n", encoding="utf-8")
+    assert main(["check", "monday-1.csv"]) == 0
+    assert "NOTHING IS PLAINLY WRONG" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_the_demo_prints_what_the_readme_shows(tmp_path, monkeypatch, capsys):
     blocks = FENCED.findall((ROOT / "README.md").read_text(encoding="utf-8"))

@@ -12,6 +12,8 @@ from matplotlib.patches import Patch
 
 from tables import AGAIN, PRESENT, PROBABILITIES, SEVERITIES, cases, table, wilson, with_probability
 
+plt.style.use("jbridge.report.figures.common")
+
 PARTS = ("dev", "proof", "wide", "fresh", AGAIN)
 """Columns of the table, each with data of its own."""
 VERDICTS = ["adequate", "missing_physics", "unknown"]
@@ -41,7 +43,7 @@ def _grid(axes, answers: list[tuple[str, str, bool]], rows: list[str], columns: 
     """Counts as squares: blue where the answer is right or as good as right, orange elsewhere."""
     for (true, said, right), count in Counter(answers).items():
         y, x = rows.index(true), columns.index(said)
-        colour = "tab:blue" if right else "tab:orange"
+        colour = "#0a6ebd" if right else "#dd6a00"
         axes.add_patch(plt.Rectangle((x - 0.5, y - 0.5), 1, 1, color=colour, alpha=0.75, linewidth=0))
         axes.text(x, y, str(count), ha="center", va="center", fontsize=size)
     axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=size)
@@ -52,6 +54,7 @@ def _grid(axes, answers: list[tuple[str, str, bool]], rows: list[str], columns: 
     axes.set_ylabel("true")
     axes.set_xticks([i - 0.5 for i in range(1, len(columns))], minor=True)
     axes.set_yticks([i - 0.5 for i in range(1, len(rows))], minor=True)
+    axes.grid(False, which="major")
     axes.grid(which="minor", color="0.9", linewidth=0.5)
     axes.tick_params(which="both", length=0)
 
@@ -80,7 +83,7 @@ def confusion(half: dict, path: Path) -> None:
         hits.append((answer if right else r["true_equations"][0], answer, right))
     _grid(equations, hits, EQUATIONS, EQUATIONS, 8)
     equations.set_title("equation")
-    said_right = (("tab:blue", "right or as good as right"), ("tab:orange", "wrong"))
+    said_right = (("#0a6ebd", "right or as good as right"), ("#dd6a00", "wrong"))
     marks = [Patch(color=colour, alpha=0.75, linewidth=0, label=label) for colour, label in said_right]
     figure.legend(handles=marks, loc="upper left", bbox_to_anchor=(0.8, 0.97), frameon=False)
     figure.savefig(path, dpi=130, metadata={"Software": None})
@@ -113,7 +116,7 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
             mean = sum(r["probability"] for r in here) / len(here)
             points.append((mean, sum(r["first_right"] for r in here), len(here)))
     left.plot([0, 1], [0, 1], color="0.7", linewidth=1, label="as often as said")
-    _dots(left, points, "tab:blue", "first names, 95 % Wilson interval", above=False)
+    _dots(left, points, "#0a6ebd", "first names, 95 % Wilson interval", above=False)
     whole = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
     left.set(xlim=(0, 1.05), ylim=(-0.05, 1.2), yticks=whole)
     left.set(xlabel="probability given to the first name", ylabel="share right")
@@ -128,8 +131,8 @@ def reliability(halves: dict[str, dict], path: Path) -> None:
         seen.append((i - 0.12, sum(r["detected"] for r in here), len(here)))
         exact.append((i + 0.12, sum(r["set_right"] for r in named), len(named)))
         spans.append(f"{low:g} to {high:g}" if high < float("inf") else f"above {low:g}")
-    _dots(right, seen, "tab:blue", "detected")
-    _dots(right, exact, "tab:green", "exact set named, where it has a name", above=False)
+    _dots(right, seen, "#0a6ebd", "detected")
+    _dots(right, exact, "#00805c", "exact set named, where it has a name", above=False)
     right.set_xticks(range(len(spans)), spans)
     right.set(xlim=(-0.5, len(spans) - 0.5), ylim=(-0.2, 1.12), yticks=whole, ylabel="share, 95 % Wilson interval")
     right.set_xlabel("hold-out error of the model without the effect, over the noise")

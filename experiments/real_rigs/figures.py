@@ -8,6 +8,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+plt.style.use("jbridge.report.figures.common")
+
 Row = dict[str, Any]
 SHOWN = 1.0
 """Horizon of the table's errors [s]."""
@@ -90,7 +92,7 @@ def picture(rows: dict[str, Row]) -> plt.Figure:
     across = 4
     down = -(-len(rows) // across)
     figure, places = plt.subplots(down, across, figsize=(3.1 * across, 2.5 * down), squeeze=False, layout="constrained")
-    colours = {"x": "tab:blue", "psi": "tab:orange", "l": "tab:green"}
+    colours = {"x": "#0a6ebd", "psi": "#dd6a00", "l": "#00805c"}
     for place in places.flat[len(rows) :]:
         place.axis("off")
     for place, (name, row) in zip(places.flat, rows.items(), strict=False):

@@ -88,6 +88,7 @@ def draw(rows: dict[str, Any]) -> None:
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
+    plt.style.use("jbridge.report.figures.common")
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.6), layout="constrained")
     for panel, key, x, label in (
         (left, "effects", "count", "effects of the model, open loop"),
@@ -97,7 +98,6 @@ def draw(rows: dict[str, Any]) -> None:
         panel.plot(places, [1e3 * row["best"] for row in rows[key]], color="#0a6ebd", marker="o", ms=4)
         panel.set_xlabel(label)
         panel.set_ylim(bottom=0.0)
-        panel.grid(color="#e6e6e6")
     right.set_xscale("log")
     right.set_xticks([1e3 * p for p in PERIODS], [f"{1e3 * p:g}" for p in PERIODS])
     right.minorticks_off()

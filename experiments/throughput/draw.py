@@ -23,11 +23,11 @@ def _panels(label: str) -> tuple[Any, Any]:
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
+    plt.style.use("jbridge.report.figures.common")
     figure, panels = plt.subplots(1, 2, figsize=(8, 3.6), layout="constrained", sharey=True)
     for panel, mode in zip(panels, MODES, strict=True):
-        panel.set_title(f"{mode} loop", loc="left", fontsize=11, fontweight="bold")
+        panel.set_title(f"{mode} loop")
         panel.set_xlabel(label)
-        panel.grid(color="#e6e6e6")
     return figure, panels
 
 
@@ -40,7 +40,7 @@ def against_batch(saved: dict[str, Any], path: Path) -> None:
                 lanes, rates = [r["lanes"] for r in rows], [r[key] for r in rows]
                 panel.loglog(lanes, rates, style, color=colour, marker="o", ms=3, label=f"{name}, {precision}")
     panels[0].set_ylabel("steps of one bridge per second")
-    panels[0].legend(frameon=False, fontsize=9)
+    panels[0].legend(fontsize=9)
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
@@ -52,9 +52,9 @@ def against_horizon(saved: dict[str, Any], path: Path) -> None:
             # A step is 5 ms in both loops.
             cost = [200.0 * r["seconds"] * r["lanes"] / r[key] for r in rows]
             panel.loglog([r["seconds"] for r in rows], cost, color=colour, marker="o", ms=3, label=name)
-        panel.set_title(f"{mode} loop, {rows[0]['lanes']} bridges", loc="left", fontsize=11, fontweight="bold")
+        panel.set_title(f"{mode} loop, {rows[0]['lanes']} bridges")
     panels[0].set_ylabel("computing time [s]")
-    panels[0].legend(frameon=False, fontsize=9)
+    panels[0].legend(fontsize=9)
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 

@@ -11,6 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
+plt.style.use("jbridge.report.figures.common")
+
 COMPARED = {
     "paper": "#0a6ebd",
     "paper tuned": "#00805c",
@@ -204,7 +206,7 @@ def _run(
             panel.plot(run["t"], factor * np.array(run[key], float), dashes, color=COMPARED.get(name), label=name)
         panel.set_ylabel(label)
     panels[-1].set_xlabel("time [s]")
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11.5, fontweight="bold")
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(names), fontsize=9)
     return figure

@@ -9,6 +9,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+plt.style.use("jbridge.report.figures.common")
+
 NAME = "tuning-from-recordings"
 RIVAL, OURS = "paper's rules", "extended rules tuned"
 COLOURS = {RIVAL: "#dd6a00", OURS: "#0a6ebd"}

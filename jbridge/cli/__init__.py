@@ -1,4 +1,4 @@
-"""The command `jbridge`: demo, check, simulate, fit, diagnose, control, tune, export, sweep.
+"""The command `jbridge`: demo, check, diagnose, fit, simulate, control, tune, export, sweep.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
 written; 130 when interrupted. Everything else is a bug and shows its traceback.
@@ -18,8 +18,8 @@ from . import check, control, demo, diagnose, export, fit, simulate, sweep, tune
 from .common import Console, Parser
 
 COMMANDS = {
-    "simulate": simulate, "check": check, "fit": fit, "diagnose": diagnose, "control": control, "tune": tune,
-    "export": export, "sweep": sweep, "demo": demo,
+    "demo": demo, "check": check, "diagnose": diagnose, "fit": fit, "simulate": simulate, "control": control,
+    "tune": tune, "export": export, "sweep": sweep,
 }  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where a disk, or the share of it or the size of a file that one may use, is full."""

@@ -11,9 +11,9 @@ from jbridge import InputError
 from .common import FORCE, OUT, RECORDING, Commands, Console, command
 
 _HELP = """\
-Says what recordings are read as, in seconds: columns, units, sampling, gaps,
-noise, resolution and signs; with a model, which of its numbers these
-recordings can tell.
+Says in seconds how recordings are read: columns, units, sampling, gaps, noise,
+resolution and signs; with a model, which of its parameters these recordings
+determine.
 
 All problems are listed, each with the line that mends it; the exit status is
 then 2, as it would be for the commands that refuse such a recording. DIR
@@ -23,7 +23,7 @@ receives check.png (the signals) and check.html (all of it).
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    check = command(commands, "check", "what recordings are read as, and can tell", _HELP, run)
+    check = command(commands, "check", "check units, signs and names of recordings, in seconds", _HELP, run)
     check.usage = (
         "jbridge check [-h] [--out DIR] [--force] [--no-cache] [--json | --quiet]\n"
         "                     [MODEL.toml] REC.csv [REC.csv ...]"

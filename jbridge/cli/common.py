@@ -97,8 +97,15 @@ def command(
     return added
 
 
+def model_path(text: str) -> str:
+    """The name of a model's file, for the parser; a recording in its place is refused before anything is read."""
+    if text.lower().endswith((".csv", ".mat")):
+        raise argparse.ArgumentTypeError(f"{text}: a recording; name the model, a TOML file, before the recordings")
+    return text
+
+
 def add_recordings(command: Parser, *, least: int = 1) -> None:
-    command.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    command.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     command.add_argument("recordings", metavar="REC.csv", nargs="+" if least else "*", help=RECORDING)
     command.add_argument(
         "--holdout",

@@ -6,10 +6,10 @@ from pathlib import Path
 import jbridge
 from jbridge import InputError
 
-from .common import MODEL, OUT, Commands, Console, command, controller_of, written
+from .common import MODEL, OUT, Commands, Console, command, controller_of, model_path, written
 
 _HELP = """\
-Lets a controller move the load of a model along a reference, and says how each
+Simulates how a controller moves the load along a reference, and says how each
 move went.
 
 Without --controller the paper's two fuzzy controllers are used, without
@@ -22,9 +22,9 @@ controllers are compared in a table that says which of them to take.
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    control = command(commands, "control", "how a controller moves the load", _HELP, run)
+    control = command(commands, "control", "simulate how a controller moves the load", _HELP, run)
     control.epilog = "example:\n  jbridge control fitted/model.toml --controller fuzzy.toml --out moves"
-    control.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    control.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     control.add_argument(
         "--controller",
         metavar="CONTROLLER.toml",

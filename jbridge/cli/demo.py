@@ -11,15 +11,15 @@ from .common import OUT, Commands, Console, command, written
 
 _HELP = """\
 Diagnoses recordings that come with jbridge. Another simulator (MuJoCo) made
-them with an effect that the model does not know of and the diagnosis is not
-told; --reveal prints it. DIR receives what `jbridge diagnose` writes.
+them with an effect that the model lacks and that is concealed from the
+diagnosis; --reveal prints it. DIR receives what `jbridge diagnose` writes.
 """
 _DATA = "demo_data"
 
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    demo = command(commands, "demo", "a diagnosis of recordings that come with jbridge", _HELP, run)
+    demo = command(commands, "demo", "diagnose recordings that come with jbridge", _HELP, run)
     demo.epilog = "example:\n  jbridge demo --out demo"
     demo.add_argument("--out", metavar="DIR", default="demo", help=f"{OUT} (default: %(default)s)")
     demo.add_argument("--reveal", action="store_true", help="print what was concealed, and stop")

@@ -16,9 +16,9 @@ anything, where, and what it is.
 DIR receives report.html (to look at), report.json (the same in numbers),
 model.toml (the model with what was found) and the figures.
 
-Recordings behind --holdout are the proof: no number is learned from them, and
-they are opened when the search has ended. Without any, the last quarter of the
-recordings plays that part. Ctrl-C writes what was found by then, without
+Recordings behind --holdout are the proof: no parameter is estimated from them,
+and they are opened when the search has ended. Without any, the last quarter of
+the recordings is held out. Ctrl-C writes what was found by then, without
 a verdict.
 
 Where explanations cannot be told apart, DIR receives next_experiment.csv, an
@@ -34,7 +34,7 @@ Called again, it goes on where it stopped.
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    diagnose = command(commands, "diagnose", "why recordings and simulation differ", _HELP, run)
+    diagnose = command(commands, "diagnose", "find out why recordings and simulation differ", _HELP, run)
     diagnose.epilog = (
         "example:\n  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv --out report\n"
         "  jbridge diagnose model.toml monday-*.csv --holdout tuesday-1.csv \\\n"

@@ -10,7 +10,7 @@ _HELP = """\
 Writes a controller or a model in the language of another program.
 
 A controller or a model becomes one header in C99 (--to c): no allocation,
-double or float, and a self-test; a model with all its effects moves on by
+double or float, and a self-test; a model with all its effects is advanced by
 --period seconds at each call. A model becomes a functional mock-up unit
 (--to fmu, FMI 3.0 co-simulation), with a library where a C compiler is found.
 A model also becomes MuJoCo's XML (--to mujoco), a linear system about the load
@@ -22,7 +22,7 @@ effects is named in the file.
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    export = command(commands, "export", "a controller in C, a model for other programs", _HELP, run)
+    export = command(commands, "export", "write a controller or a model for other programs", _HELP, run)
     export.epilog = (
         "example:\n  jbridge export tuned/controller.toml --to c --out rig\n"
         "  jbridge export fitted/model.toml --to mujoco --out scene"

@@ -7,7 +7,8 @@ import jbridge
 from .common import FORCE, Commands, Console, add_recordings, command, loaded, written
 
 _HELP = """\
-Estimates the unknown numbers of a model from recordings, with 95 % intervals.
+Estimates the unknown parameters of a model from recordings, with 95 %
+intervals.
 
 What [bridge] lists under `known` stays as it is; the rest are guesses to start
 from. DIR receives model.toml (the fitted model), fit.html (to look at),
@@ -17,14 +18,15 @@ fit.json (the same in numbers) and the figures.
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    fit = command(commands, "fit", "the model's unknown numbers, from recordings", _HELP, run)
+    fit = command(commands, "fit", "estimate the unknown parameters of a model", _HELP, run)
     fit.epilog = "example:\n  jbridge fit model.toml monday-*.csv --holdout tuesday-1.csv --out fitted"
     add_recordings(fit)
     fit.add_argument(
         "--window",
         metavar="SECONDS",
         type=float,
-        help="fit windows of this length, each from a start of its own, where whole recordings drift apart by luck",
+        help="fit windows of this length, each from an initial state of its own, where simulations of whole recordings"
+        " diverge from small errors",
     )
     fit.add_argument("--force", action="store_true", help=FORCE)
 

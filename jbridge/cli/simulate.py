@@ -5,24 +5,24 @@ from pathlib import Path
 
 import jbridge
 
-from .common import FORCE, MODEL, Commands, Console, command
+from .common import FORCE, MODEL, Commands, Console, command, model_path
 
 _HELP = """\
-Plays the inputs of a recording on a model and writes what the sensors would
-read, without noise.
+Simulates a model with the inputs of a recording and writes what the sensors
+would read, without noise.
 
 The output has the columns t, the inputs, and x [m], psi [rad], l [m] as far as
-the rig has them. A recording with measurements starts in the state that its
-first half second tells best, as in the reports of fit and diagnose. A file of
-inputs alone starts at rest at the [initial] table of its sidecar.
+the rig has them. For a recording with measurements the initial state is
+estimated from its first half second, as in the reports of fit and diagnose. A
+file of inputs alone starts at rest at the [initial] table of its sidecar.
 """
 
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    simulate = command(commands, "simulate", "what the rig's sensors would read", _HELP, run)
+    simulate = command(commands, "simulate", "simulate what the rig's sensors would read", _HELP, run)
     simulate.epilog = "example:\n  jbridge simulate model.toml --input staircase.csv --out simulated.csv"
-    simulate.add_argument("model", metavar="MODEL.toml", help=MODEL)
+    simulate.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     simulate.add_argument("--input", metavar="REC.csv", required=True, help="the inputs: t, u_x and, if driven, u_l")
     simulate.add_argument(
         "--initial",

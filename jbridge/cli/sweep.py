@@ -14,14 +14,14 @@ parameters of model, controller and reference.
 
 DIR receives part-*.parquet (a row for each rollout: its parameters and how the
 move went) and nothing else, so that it reads as one table. DIR.sweep.json has
-units, versions, seed and what was asked, DIR.failures.csv what ran away. A
-sweep that was interrupted goes on where it stopped when it is called again.
+units, versions, seed and settings, DIR.failures.csv the rollouts that diverged.
+A sweep that was interrupted goes on where it stopped when it is called again.
 """
 
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    sweep = command(commands, "sweep", "one question to many bridges", _HELP, run)
+    sweep = command(commands, "sweep", "simulate a controller on many bridges", _HELP, run)
     sweep.epilog = "example:\n  jbridge sweep friction.toml --out friction"
     sweep.add_argument("spec", metavar="SPEC.toml", help="what to vary, and how: model, [sample], [[vary]]")
     sweep.add_argument("--out", metavar="DIR", required=True, help="folder for the results; those that it has are kept")

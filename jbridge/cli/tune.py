@@ -7,12 +7,12 @@ import math
 import jbridge
 from jbridge import InputError
 
-from .common import MODEL, OUT, Commands, Console, command, controller_of, written
+from .common import MODEL, OUT, Commands, Console, command, controller_of, model_path, written
 
 _HELP = """\
-Makes a controller better: moves a fuzzy controller's sets, scales and rule
-weights, or another law's gains, by gradients through simulated moves on many
-bridges about a model, and compares on further bridges and moves.
+Tunes a fuzzy controller's sets, scales and rule weights, or another law's
+gains, by gradients through simulated moves of many bridges with parameters
+about those of a model, and compares the result on further bridges and moves.
 
 Without --controller the rules named by --rules are tuned: the paper's, or the
 extended ones, in which velocity and swing angle act; or a PID controller, or
@@ -21,17 +21,17 @@ state feedback that begins as an LQR of the model, on the positions' differences
 controller.toml (tuned, for jbridge control), controller.h (the same in C),
 tune.html (to look at), tune.json (the same in numbers) and the figures.
 
-Bridges scatter by the uncertainties that the model has from a fit or a
-diagnosis, otherwise by shares that laboratory bridges need.
+Parameters scatter by the uncertainties that a fit or a diagnosis has written
+into the model, otherwise by shares that are usual for laboratory bridges.
 """
 
 
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
-    tune = command(commands, "tune", "a controller made better by gradients", _HELP, run)
+    tune = command(commands, "tune", "tune a controller by gradients", _HELP, run)
     tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
-    tune.add_argument("model", metavar="MODEL.toml", help=MODEL)
-    tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to begin with")
+    tune.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
+    tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to start from")
     tune.add_argument(
         "--rules", choices=("paper", "extended", "pid", "lqr", "lqg"), default="paper", help="otherwise (%(default)s)"
     )

@@ -9,7 +9,7 @@ from jbridge.errors import InputError, listed
 from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
-from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, near_column
+from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, labelled_column, near_column
 from jbridge.recordings.tables.table import Table
 
 TURN = 2 * np.pi
@@ -33,6 +33,8 @@ class Channels:
     notes: tuple[str, ...]
     near: dict[str, Column] = field(default_factory=dict)
     """Columns that are probably meant for a channel that was not found, by their names."""
+    left_out: frozenset[str] = frozenset()
+    """Channels that the sidecar declares to be absent."""
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
@@ -72,10 +74,13 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
                 f" {times.size}; save vectors of one length"
             )
     used = {column.name for column in columns.values()}
-    left_out = {channel for channel in CHANNELS if declared.column(channel) is None}
+    left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)
     others = {name: values for name, values in table.columns.items() if name not in used | left_out}
     extras = {name: values for name, values in others.items() if values.size == times.size}
     notes = list(table.notes)
+    labelled = [name for name in columns if name not in declared.columns and columns[name].name != name]
+    if labelled:
+        notes.append(f"Units are those of the header: {', '.join(f'{n} in {columns[n].unit}' for n in labelled)}.")
     if extras:
         notes.append(f"Columns that are no channel are kept but not used: {listed(extras)}.")
     if others.keys() - extras.keys():
@@ -86,7 +91,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         for channel in CHANNELS
         if channel not in columns and channel not in left_out and (column := near_column(channel, extras))
     }
-    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near)
+    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
     check_finite(whole.error, "t", times)
     check_times(whole.error, times)
     channels = trim(path, whole, declared)
@@ -107,6 +112,8 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
         column = declared.column(channel)
         if column is None:
             continue
+        if channel not in declared.columns and channel not in table.columns:
+            column = labelled_column(channel, table.columns) or column
         if column.name in table.columns:
             columns[channel] = column
         elif column.name in table.unusable:
@@ -120,14 +127,23 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
                 f" the columns are {listed(table.columns)}"
             )
     if "t" not in columns:
-        found = f"the columns are {listed(table.columns)}" if table.columns else "there are no columns of numbers"
+        raise no_time(path, table)
+    return columns
+
+
+def no_time(path: Path, table: Table) -> InputError:
+    """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
+    if table.columns:
         meant = near_column("t", table.columns)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
-        raise InputError(
-            f"{table.header}: no column t for the time; {found}; rename one, or map it in"
-            f" {path.with_suffix('.toml').name}: [columns] {line}"
-        )
-    return columns
+        sidecar = path.with_suffix(".toml").name
+        found, remedy = listed(table.columns), f"rename one, or map it in {sidecar}: [columns] {line}"
+        return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
+    held = ", ".join(f"{name} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"
+    return InputError(
+        f"{table.header}: no column t for the time; {held}; save each signal as a vector, in MATLAB t = data(1, :);"
+        f" x = data(2, :); save('{path.stem}_v7.mat', 't', 'x', '-v7')"
+    )
 
 
 def unwrap(channels: Channels) -> Channels:

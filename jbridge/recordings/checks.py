@@ -12,6 +12,8 @@ LARGEST = 1e6
 LEAST_SAMPLES = 50
 SHORTEST = 1e-6
 """Time between rows [s] that no log of a rig has: times that differ by less come from arithmetic, not from a clock."""
+OFTEN = 0.05
+"""Share of rows with a wrong time from which the column is at fault, not a few rows."""
 SLOWEST = 0.5
 """Time between rows [s] that leaves less than three samples of a swing on a rope of 0.5 m."""
 GRAVITY = 9.81
@@ -53,6 +55,9 @@ def check_times(refuse: Refuse, times: np.ndarray) -> None:
     if bad.any():
         sample = int(bad.argmax()) + 1
         now, before = times[sample], times[sample - 1]
+        often = why_often(np.diff(times))
+        if often:
+            raise refuse(sample, "t", often)
         if now > before:
             raise refuse(
                 sample,
@@ -67,6 +72,24 @@ def check_times(refuse: Refuse, times: np.ndarray) -> None:
             f"time must increase, but {now!s} s {what} the row above ({before!s} s);"
             " delete repeated rows, and keep one run in a file",
         )
+
+
+def why_often(steps: np.ndarray) -> str:
+    """Returns why times fail to increase in more than one row of twenty, and what to do; nothing if they do not."""
+    same, falls = float(np.mean(np.abs(steps) < SHORTEST)), float(np.mean(steps <= -SHORTEST))
+    if falls > OFTEN and falls + same == 1:
+        return "the time falls from row to row; sort the rows by time"
+    if falls > OFTEN:
+        return (
+            f"it falls in {100 * falls:.0f} % of the rows, so that it is no time; declare the column of the time under"
+            ' [columns]: t = {column = "...", unit = "s"}'
+        )
+    if same > OFTEN:
+        return (
+            f"{100 * same:.0f} % of the rows have the time of the row above; export the time with more digits, or"
+            " delete repeated rows"
+        )
+    return ""
 
 
 def check_length(refuse: Refuse, length: np.ndarray) -> None:

@@ -13,13 +13,8 @@ from jbridge.recordings.channels import Channels, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.parts import Parts, find_parts
-from jbridge.recordings.plausibility import (
-    doubtful_angle,
-    doubtful_names,
-    doubtful_signs,
-    doubtful_units,
-    signs_of,
-)
+from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
+from jbridge.recordings.plausibility.units import doubtful_absence, doubtful_angle, doubtful_names, doubtful_units
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -170,7 +165,8 @@ def make_reading(
 ) -> Reading:
     """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
     channels = read_channels(path, table, declared)
-    for doubt in doubtful_names(channels, declared.locked is not None):
+    has_lock = declared.locked is not None
+    for doubt in (*doubtful_names(channels, has_lock), *(() if inputs_only else doubtful_absence(channels, has_lock))):
         tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values

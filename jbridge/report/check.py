@@ -1,4 +1,4 @@
-"""What recordings were read as, what is wrong with them, and which numbers they can tell: before anything is fitted."""
+"""How recordings were read, what is wrong with them, and which parameters they determine, before anything is fitted."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ _LOOSE = 0.5
 
 
 def describe_check(inspections: Sequence[Inspection], found: Identifiability | None, model_problem: str = "") -> str:
-    """Every problem first, then what each file was read as, then which numbers the recordings can tell.
+    """Every problem first, then how each file was read, then which parameters the recordings determine.
 
     Args:
         inspections: of the files.
@@ -101,7 +101,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
             if fresh < 0.99:
                 parts.append(f"new in {percent(float(fresh))} of the rows")
         if np.ptp(values) == 0:
-            parts.append("never changes")
+            parts.append("never changes" + ("; is the sensor connected?" if channel in ("x", "psi") else ""))
         yield f"  {read}: {'; '.join(parts)}"
     if recording.locked_length is not None:
         yield f"  rope locked at {recording.locked_length:.4g} m"
@@ -112,7 +112,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
 
 
 def _numbers(found: Identifiability) -> Iterator[str]:
-    yield "Numbers that a fit would estimate, and how well these recordings can tell each at best"
+    yield "Parameters that a fit would estimate, and the accuracy that these recordings allow"
     width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]

@@ -98,11 +98,11 @@ def _map(effect: NamedEffect) -> dict[str, Any] | None:
     }.items():
         estimate = effect.parameters.get(key)
         for values, bound in (
-            ((estimate.value, ""), (estimate.low, "low "), (estimate.high, "high ")) if estimate else ()
+            ((estimate.value, ""), (estimate.low, ", 95 % low"), (estimate.high, ", 95 % high")) if estimate else ()
         ):
             if values is not None:
                 numbers = _numbers(np.array(as_list(values), dtype=np.float64))
-                curves.append({"label": bound + said, "role": role, "bound": bool(bound), "values": numbers})
+                curves.append({"label": said + bound, "role": role, "bound": bool(bound), "values": numbers})
     unit = next((effect.parameters[key].unit for key in ("levels", "positive") if key in effect.parameters), "N")
     return {
         "label": capital(effect_name(effect.kind, effect.site)),

@@ -192,7 +192,7 @@ def test_check_lists_all_problems(rig, capsys):
 def test_check_says_which_numbers_can_be_told(rig, capsys):
     assert main(["check", "model.toml", "a.csv", "b.csv"]) == 0
     out = capsys.readouterr().out
-    assert "Numbers that a fit would estimate" in out and "cart_gain" in out and "cart_mass" not in out
+    assert "Parameters that a fit would estimate" in out and "cart_gain" in out and "cart_mass" not in out
     (rig / "still.csv").write_text("t,u_x,x\n" + "".join(f"{k / 100},0.0,{k % 3 / 1e4}\n" for k in range(100)))
     assert main(["check", "model.toml", "still.csv"]) == 2
     out, err = capsys.readouterr()

@@ -122,6 +122,18 @@ def test_what_is_no_signal_is_left_aside(save, columns):
     assert any("coarse" in note for note in recording.notes)
 
 
+def test_structs_within_structs_and_one_for_each_signal(save, columns):
+    """Logs of several blocks have the time in each of them."""
+    t, others = columns["t"], {name: values for name, values in columns.items() if name != "t"}
+    assert same(load_recording(save({"out": {"log": columns}})), columns)
+    assert same(load_recording(save({name: {"Time": t, "Data": values} for name, values in others.items()})), columns)
+    signals = {name: {"values": values, "label": "", "dimensions": 1.0} for name, values in others.items()}
+    assert same(load_recording(save({name: {"time": t, "signals": s} for name, s in signals.items()})), columns)
+    other = {name: {"Time": t + (name == "x"), "Data": values} for name, values in others.items()}
+    with pytest.raises(InputError, match="column t: the name is there twice"):
+        load_recording(save(other))
+
+
 def with_bad(columns, name, sample, value):
     columns[name][sample] = value
     return columns
@@ -129,7 +141,7 @@ def with_bad(columns, name, sample, value):
 
 REFUSED = {
     "no t": (lambda c: {"time": c["t"], "x": c["x"]}, ["no column t", "time, x", "run.toml"]),
-    "nothing": (lambda c: {"note": "hello"}, ["no column t", "no columns of numbers"]),
+    "nothing": (lambda c: {"note": "hello"}, ["no column t", "note is no array of numbers", "'-v7'"]),
     "x without u_x": (lambda c: {"t": c["t"], "x": c["x"]}, ["no u_x", "zeros"]),
     "nan": (lambda c: with_bad(c, "x", 11, np.nan), ["row 12", "column x", "NaN", "delete the row"]),
     "time": (lambda c: with_bad(c, "t", 11, 0.0), ["row 12", "column t", "increase"]),
@@ -142,7 +154,11 @@ REFUSED = {
         lambda c: {**c, "x": np.zeros((1, 2), dtype=[("a", object)])},
         ["column x", "an array of 2 structs"],
     ),
-    "twice": (lambda c: {**c, "rec": {"x": c["x"]}}, ["column x", "twice", "rec"]),
+    "twice": (lambda c: {**c, "rec": {"x": 2 * c["x"]}}, ["column x", "twice", "rec"]),
+    "a matrix of all signals": (
+        lambda c: {"ans": np.stack(list(c.values()))},
+        ["ans is a matrix of", "t = data(1, :)"],
+    ),
     "few": (lambda c: {name: values[:49] for name, values in c.items()}, ["49 samples", "at least 50"]),
 }
 

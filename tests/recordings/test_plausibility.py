@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.real_rigs import run
-from jbridge.recordings.laws_of_motion import is_swapped, misread_swing, runs_backwards
+from jbridge.recordings.plausibility.motion import misread_swing, runs_backwards
+from jbridge.recordings.plausibility.signs import is_swapped
 
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))

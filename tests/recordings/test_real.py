@@ -135,3 +135,49 @@ def test_degrees_are_refused(write, name):
 def test_a_table_without_time_is_no_recording():
     with pytest.raises(InputError, match=r"no column t for the time; the columns are x, f_pos_dir, f_neg_dir"):
         load_recording(BELT / "published_friction_table.csv")
+
+
+SIDECARS = Path(__file__).parents[2] / "experiments/real_rigs"
+REWRITTEN = {
+    "a spreadsheet's export": lambda n: ("\ufeff" + "\r\n".join(n).replace(",", ";").replace(".", ",")).encode(),
+    "Unicode text": lambda n: "\n".join(n).replace(",", "\t").encode("utf-16"),
+    "blanks": lambda n: "\n".join(n).replace(",", "  ").encode(),
+    "comments": lambda n: "\n".join(["# rig 2", n[0], "% begins", *n[1:], "// ends"]).encode(),
+    "a separator behind each row": lambda n: "\n".join(row + "," for row in n).encode(),
+    "a data frame's rows": lambda n: "\n".join(["," + n[0], *(f"{k},{row}" for k, row in enumerate(n[1:]))]).encode(),
+}
+"""How other programs write the same table."""
+WRONG = {
+    "position in mm": ("position", lambda v: 1e3 * v, r'x = \{column = "position", unit = "mm"'),
+    "angle in degrees": ("angle", np.degrees, r'psi = \{column = "angle", unit = "deg"'),
+    "angle turned": ("angle", lambda v: -v, r'psi = \{column = "angle", unit = "rad"\}'),
+    "input turned": ("voltage", lambda v: -v, r'u_x = \{column = "voltage", unit = "V", sign = -1'),
+    "time in ms": ("t", lambda v: 1e3 * v, r't = \{column = "t", unit = "ms"'),
+    "repeated times": ("t", lambda v: np.floor(10 * v) / 10, r"the time of the row above; export .* more digits"),
+}
+"""What is done to a column of a student's crane, and the remedy that is offered."""
+
+
+@pytest.mark.parametrize("rewrite", REWRITTEN.values(), ids=REWRITTEN)
+@pytest.mark.parametrize(
+    "name", ["emps/emps.csv", "crane_aau_student/step4v.csv", "pendulum_multiarm_uw/single_free_swing.csv"]
+)
+def test_other_programs_write_the_same(tmp_path, name, rewrite):
+    sidecar = SIDECARS / Path(name).parent / "recordings.toml"
+    path = tmp_path / Path(name).name
+    path.write_bytes(rewrite((RIGS / name).read_text(encoding="utf-8").splitlines()))
+    found, wanted = (load_recording(each, sidecar=sidecar) for each in (path, RIGS / name))
+    for channel in ("times", "u_x", "x", "psi"):
+        np.testing.assert_array_equal(getattr(found, channel), getattr(wanted, channel))
+
+
+@pytest.mark.parametrize(("column", "change", "remedy"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_in_a_measured_recording_is_found(tmp_path, column, change, remedy):
+    header, *rows = (RIGS / "crane_aau_student/step4v.csv").read_text(encoding="utf-8").splitlines()
+    names, values = header.split(","), np.array([row.split(",") for row in rows], float)
+    values[:, names.index(column)] = change(values[:, names.index(column)])
+    path = tmp_path / "step4v.csv"
+    path.write_text("\n".join([header, *(",".join(map(repr, row)) for row in values.tolist())]))
+    with pytest.raises(InputError, match=remedy) as caught:
+        load_recording(path, sidecar=SIDECARS / "crane_aau_student/recordings.toml")
+    assert "step4v.csv" in str(caught.value)

@@ -33,7 +33,8 @@ REFUSED = {
     "zip": (lambda lines: b"PK\x03\x04" + bytes(100), ["binary", "comma-separated text"]),
     "mat inside": (lambda lines: b"MATLAB 5.0 MAT-file, written", ["MATLAB", ".mat"]),
     "html": (lambda lines: "\n<!DOCTYPE html><html></html>", ["web page", "download the file itself"]),
-    "utf-16": (lambda lines: "\n".join(lines).encode("utf-16"), ["UTF-16", "CSV UTF-8"]),
+    "damaged utf-16": (lambda lines: b"\xff\xfe\x00\xd8\x00", ["UTF-16", "CSV UTF-8"]),
+    "only comments": (lambda lines: "# one\n# two\n", ["nothing but comments"]),
     "latin-1": (
         lambda lines: "\n".join([lines[0] + ",Höhe", *(line + ",1" for line in lines[1:])]).encode("latin-1"),
         ["row 1", "0xf6", "CSV UTF-8"],
@@ -48,7 +49,7 @@ REFUSED = {
     ),
     "decimal commas without quotes": (
         lambda lines: "\n".join([lines[0], *(line.replace(".", ",") for line in lines[1:])]),
-        ["row 2", "12 cells for 6 columns", "decimal points"],
+        ["row 2", "12 cells for 6 columns", "decimal points", "and so in "],
     ),
     "a quoted decimal comma": (replaced(9, 3, '"0,25"'), ["row 9", "column x", "0,25", "decimal points"]),
     "no t": (

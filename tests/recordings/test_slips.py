@@ -124,6 +124,18 @@ def check(recording) -> None:
     assert recording.has_cart and recording.has_swing and recording.has_hoist
 
 
+def edited(edit: Callable[[list[str]], list[str]]) -> Callable[[], str]:
+    return lambda: "\n".join(edit(table(TRUTH).splitlines())) + "\n"
+
+
+def with_clock(clock: Callable[[float], str]) -> str:
+    """Returns a file whose time is a clock's, hours, minutes and seconds."""
+    header, *rows = table(TRUTH).splitlines()
+    timed = [f"{clock(t)},{row.partition(',')[2]}" for t, row in zip(TRUTH["t"].tolist(), rows, strict=True)]
+    return "\n".join([header, *timed]) + "\n"
+
+
+SI = {"t": "s", "u_x": "V", "u_l": "V", "x": "m", "psi": "rad", "l": "m"}
 READ = {
     "semicolons": lambda: table(TRUTH, ";"),
     "semicolons and decimal commas": lambda: table(TRUTH, ";", comma=True),
@@ -141,6 +153,30 @@ READ = {
     "columns in another order": lambda: table(only("l psi x u_l u_x t")),
     "further columns": lambda: table({**TRUTH, "x_ref": TRUTH["x"], "theta_dot": TRUTH["psi"], "battery": TRUTH["t"]}),
     "time from elsewhere": lambda: table({**TRUTH, "t": TRUTH["t"] + 5000.0}),
+    "UTF-16, as spreadsheets write Unicode text": lambda: table(TRUTH, "\t").encode("utf-16"),
+    "blanks as separators": lambda: table(TRUTH, " "),
+    "several blanks as separators": lambda: table(TRUTH, "   "),
+    "bars as separators": lambda: table(TRUTH, "|"),
+    "units in brackets": lambda: table({f"{n} [{SI[n]}]": v for n, v in TRUTH.items()}),
+    "units in parentheses": lambda: table({f"{n} ({SI[n]})": v for n, v in TRUTH.items()}),
+    "units behind a stroke": lambda: table({f"{n}/{SI[n]}": v for n, v in TRUTH.items()}),
+    "other units in brackets": lambda: table(
+        {"t [ms]": 1e3 * TRUTH["t"], "x [mm]": 1e3 * TRUTH["x"], "psi [°]": np.rad2deg(TRUTH["psi"])}
+        | {"l [cm]": 1e2 * TRUTH["l"], "u_x [mV]": 1e3 * TRUTH["u_x"], "u_l [V]": TRUTH["u_l"]}
+    ),
+    "a row of units": edited(lambda n: [n[0], ",".join(SI.values()), *n[1:]]),
+    "comments above": edited(lambda n: ["# rig 3, in May", "% 100 Hz", *n]),
+    "a comment between": edited(lambda n: [*n[:80], "# the button, twice", *n[80:]]),
+    "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
+    "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),
+    "a separator at the end of each row of numbers": edited(lambda n: [n[0], *(row + "," for row in n[1:])]),
+    "the row numbers of a data frame": edited(lambda n: ["," + n[0], *(f"{i},{row}" for i, row in enumerate(n[1:]))]),
+    "the times of a serial monitor": edited(lambda n: [f"14:03:{i / 100:06.3f} -> {n[i]}" for i in range(len(n))]),
+    "times of day over midnight": lambda: with_clock(
+        lambda t: f"{'23:59' if t < 5 else '0:00'}:{(55 + t) % 60:09.6f}"
+    ),
+    "dates with times": lambda: with_clock(lambda t: f"2024-03-05 14:03:{t:09.6f}"),
+    "minutes and seconds": lambda: with_clock(lambda t: f"03:{t:09.6f}"),
     "rows that come irregularly": lambda: table({n: v[np.r_[0:200, 201:350, 352:1400]] for n, v in TRUTH.items()}),
 }  # fmt: skip
 
@@ -148,15 +184,12 @@ READ = {
 @pytest.mark.parametrize("text", READ.values(), ids=READ)
 def test_read_right(tmp_path, text):
     path = tmp_path / "run.csv"
-    path.write_bytes(text().encode())
+    content = text()
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     recording = load_recording(path)
     rows = np.searchsorted(TRUTH["t"], recording.times - recording.start - 1e-6)
     for name in ("x", "psi", "l", "u_x", "u_l"):
-        np.testing.assert_allclose(getattr(recording, name), TRUTH[name][rows], rtol=1e-12)
-
-
-def edited(edit: Callable[[list[str]], list[str]]) -> Callable[[], str]:
-    return lambda: "\n".join(edit(table(TRUTH).splitlines())) + "\n"
+        np.testing.assert_allclose(getattr(recording, name), TRUTH[name][rows], rtol=1e-12, atol=1e-15)
 
 
 REFUSED = {
@@ -164,6 +197,27 @@ REFUSED = {
     "a monitor's text between": (edited(lambda n: [*n[:50], "motor on", *n[50:]]), r"row 51: .*delete the row"),
     "a cut last line": (edited(lambda n: [*n[:-1], n[-1][:9]]), r"row 1402: .*correct or delete the row"),
     "a repeated header": (edited(lambda n: [*n[:50], n[0], *n[50:]]), r"row 51, column t: 't' is text"),
+    "a cell with its unit": (edited(lambda n: [*n[:50], n[50] + " m", *n[51:]]), r"row 51, column l: .*is text"),
+    "every cell with its unit": (
+        edited(lambda n: [n[0], *(row + " m" for row in n[1:])]), r"row 2.*in 1401 of 1401 rows; export plain numbers"
+    ),
+    "dates that are not ISO": (
+        lambda: with_clock(lambda t: f"05.03.2024 14:03:{t:06.3f}"), r"row 2, column t: .*date.*2024-03-05 14:03:59"
+    ),
+    "times of too few digits": (lambda: table(TRUTH | {"t": TRUTH["t"].round(1)}), r"90 % of the rows .*more digits"),
+    "rows in reverse": (edited(lambda n: [n[0], *n[:0:-1]]), r"falls from row to row; sort"),
+    "time and angle exchanged": (lambda: table(renamed(t="psi", psi="t")), r"column t: .*no time; declare the column"),
+    "input and position exchanged": (
+        lambda: table(scaled() | {"x": np.sign(np.sin(2 * TRUTH["t"])), "u_x": TRUTH["x"]}),
+        r"row \d+, column x: 2 m away from the row above, 10 ms before, .* input such as u_x",
+    ),
+    "a position that slips": (
+        edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?,.*?,)[^,]*", r"\g<1>9", n[60]), *n[61:]]),
+        r"row 61, column x: .* away from the row above",
+    ),
+    "an unknown name for the position": (
+        lambda: table(renamed(x="y")), r"u_x varies, but there is no x .* y, declare it, such as x = \{column = .y"
+    ),
     "a doubled row": (edited(lambda n: [*n[:50], n[49], *n[50:]]), r"row 51, column t: .*delete repeated rows"),
     "all rows doubled": (edited(lambda n: [n[0], *sum(([r, r] for r in n[1:]), [])]), r"row 3, column t: .*repeated"),
     "two files in one": (edited(lambda n: [*n, *n[1:]]), r"column t: .*keep one run in a file"),
@@ -176,7 +230,9 @@ REFUSED = {
     "one name twice": (edited(lambda n: [n[0].replace("psi", "x"), *n[1:]]), r"name is there twice"),
     "psi and l swapped": (lambda: table(renamed(psi="l", l="psi")), r"column l: a rope length"),
     "decimal commas in a comma table": (lambda: table(TRUTH, comma=True), r"row 2: .*decimal points"),
-    "blanks as separators": (lambda: table(TRUTH, " "), r"row 1: blanks between the columns; .*sed"),
+    "blanks in names, too": (
+        lambda: table(renamed(u_x="motor voltage"), " "), r"row 1: blanks between the columns, and not as many names"
+    ),
     "points for thousands": (
         lambda: table(TRUTH, ";", comma=True).replace("\n0,01;", "\n1.000,01;"), r"row 2.*decimal points alone"
     ),

@@ -182,7 +182,7 @@ def test_it_is_dark_where_that_is_asked_for(opened, report):
 
 def test_the_first_screen_answers(opened, report):
     shown = opened(report)
-    for question in ("Place", "Named physics", "Hold-out error", "How sure", "What remains", "What to do next"):
+    for question in ("What is missing", "Where", "How sure", "How much better", "What remains", "What to do next"):
         asked = shown.locator("dt", has_text=question)
         box = asked.bounding_box()
         assert box["y"] + box["height"] < 800 and asked.locator("xpath=following-sibling::dd").inner_text()

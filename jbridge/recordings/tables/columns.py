@@ -28,7 +28,7 @@ SPELLINGS = {
 }  # fmt: skip
 """Units as names of columns spell them."""
 NEAR = {
-    "t": ("t", "time", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros"),
+    "t": ("t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros"),
     "u_x": (
         "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
         "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts",
@@ -114,6 +114,22 @@ class Column:
 def plain_column(channel: str) -> Column:
     """Returns the column that a channel has where no sidecar says otherwise: its own name, in SI units."""
     return Column(channel, next(iter(UNITS[channel])))
+
+
+def labelled_column(channel: str, names: Iterable[str]) -> Column | None:
+    """Returns the column whose name is a channel's and a unit, which says all that a declaration would.
+
+    >>> labelled_column("x", ["t [s]", "x [mm]"])
+    Column(name='x [mm]', unit='mm', sign=1.0, offset=0.0, scale=None, radius=None)
+    """
+    for name in names:
+        match = re.fullmatch(rf"{channel}\s*(?:\[(.+)\]|\((.+)\)|/\s*(.+))", name.strip())
+        if match:
+            unit = next(filter(None, match.groups())).strip()
+            unit = unit if unit in UNITS[channel] else SPELLINGS.get(unit.lower(), unit)
+            if unit in UNITS[channel] and (unit != "count" or channel in GAINS):
+                return Column(name, unit)
+    return None
 
 
 def near_column(channel: str, names: Iterable[str]) -> Column | None:

@@ -16,6 +16,8 @@ import numpy as np
 
 from jbridge._files import replace_text
 from jbridge.errors import InputError, listed, quoted
+from jbridge.recordings.tables.clock import LIKE_A_DATE, clock_seconds, is_clock
+from jbridge.recordings.tables.csv_lines import filled_lines, refuse_no_header, to_plain_table
 from jbridge.recordings.tables.table import Table
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
@@ -26,17 +28,17 @@ BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 def read_csv(path: Path, content: bytes) -> Table:
     """Returns the columns of a CSV file: one header row, then numbers only, with `,` between them.
 
-    A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted; semicolons or tabs in place of the
-    commas, and decimal commas, are read and said.
+    A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted. Other separators, decimal commas,
+    lines of comment, a row of units, times of day and the row numbers of a data frame are read and said.
 
     Raises:
         InputError: naming file, row and column.
     """
     lines = decode(path, content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if re.fullmatch(r'"?sep=[;,\t]"?', lines[0].strip(" ")):
-        lines[0] = ""  # a line that tells spreadsheets the separator
-    filled = [number for number, line in enumerate(lines) if line.strip()]
-    notes = use_commas(path, lines, filled)
+    notes = to_plain_table(path, lines)
+    filled = filled_lines(lines)
+    if not filled:
+        raise InputError(f"{path}: nothing but comments; record or export the run again")
     header = read_header(path, lines, filled)
     if len(filled) == 1:
         raise InputError(f"{path}, row {filled[0] + 1}: only a header, no samples; record the run again")
@@ -44,16 +46,25 @@ def read_csv(path: Path, content: bytes) -> Table:
     rows = np.array(filled[1:]) + 1
     matrix = parse_fast(body, len(header))
     if matrix is None:
-        matrix = parse_carefully(path, header, body, rows)
+        cells = [split(path, row, line) for row, line in zip(rows.tolist(), body, strict=True)]
+        notes += read_clocks(header, cells)
+        matrix = parse_carefully(path, header, cells, rows)
     matrix = np.ascontiguousarray(matrix.T)
-    columns = dict(zip(header, matrix, strict=True))
+    if not header[0]:
+        if np.any(np.diff(matrix[0]) != 1):
+            raise unnamed(path, filled[0] + 1, 0)
+        notes += ("The first column has no name and numbers the rows; it is left out.",)
+    columns = {name: values for name, values in zip(header, matrix, strict=True) if name}
     return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, notes=notes)
 
 
 def decode(path: Path, content: bytes) -> str:
     """Returns the text of a file, or refuses what is no text or no table."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(f"{path}: the text is encoded as UTF-16; save it as 'CSV UTF-8'")
+        try:
+            content = content.decode("utf-16").encode()  # what spreadsheets call Unicode text
+        except UnicodeDecodeError:
+            raise InputError(f"{path}: damaged UTF-16 text; save it as 'CSV UTF-8'") from None
     if content.startswith(b"MATLAB 5.0 MAT-file"):
         raise InputError(f"{path}: this is a MATLAB file, not text; rename it to end in .mat")
     if BINARY.search(content[:65536]):
@@ -80,23 +91,19 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     """Returns the names of the columns, or refuses what cannot be a header of a comma-separated table."""
     row, line = filled[0] + 1, lines[filled[0]]
     names = [name.strip() for name in split(path, row, line)]
-    if len(names) == 1 and len(names[0].split()) > 2 and is_number(lines[filled[-1]].split()[0]):
-        raise InputError(
-            f"{path}, row {row}: blanks between the columns; export with commas, or convert with"
-            f" sed 's/^ *//; s/  */,/g' {path.name} > converted.csv"
-        )
     if len(names) == 1 and any("," in lines[number] for number in filled[1:100]):
+        raise refuse_no_header(path, row, line)
+    if len(names) == 1 and len(line.split()) > 1 and is_number(lines[filled[-1]].split()[0]):
         raise InputError(
-            f"{path}, row {row}: {quoted(line)} is no row of column names; delete the rows above the header, and others"
-            " that hold text"
+            f"{path}, row {row}: blanks between the columns, and not as many names as numbers; export with commas"
         )
     if all(is_number(name) for name in names):
         raise InputError(
             f"{path}, row {row}: numbers where the names of the columns belong; put a row such as t,u_x,x,psi first"
         )
     for place, name in enumerate(names):
-        if not name:
-            raise InputError(f"{path}, row {row}, column {place + 1}: the column has no name; name it or delete it")
+        if not name and place:
+            raise unnamed(path, row, place)
         if name in names[:place]:
             raise InputError(
                 f"{path}, row {row}, column {name}: the name is there twice, as column"
@@ -105,39 +112,8 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     return names
 
 
-def use_commas(path: Path, lines: list[str], filled: list[int]) -> tuple[str, ...]:
-    """Rewrites a table with semicolons or tabs, or with decimal commas, as a plain one; returns sentences on that.
-
-    Decimal commas are taken for such only where no number has a point, since `1.234,5` leaves open what each means.
-
-    Raises:
-        InputError: points and commas are mixed.
-    """
-    if not filled:
-        return ()
-    header = lines[filled[0]]
-    separator = next((sign for sign in ";\t" if sign in header and "," not in header), ",")
-    body = [lines[number] for number in filled[1:]]
-    commas = [row for row in body if re.search(r"\d,\d" if separator != "," else r'"[-+]?\d+,\d+', row)]
-    if separator == "," and not commas:
-        return ()
-    if commas and any(re.search(r"\d\.\d", row) for row in body):
-        if separator == ",":
-            return ()  # the cell itself is refused
-        number = lines.index(commas[0])
-        raise InputError(
-            f"{path}, row {number + 1}: decimal commas among numbers with points; export with decimal points alone"
-        )
-    for number in filled:
-        line = lines[number]
-        if separator == ",":
-            line = re.sub(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"', r"\1.\2", line)
-        else:
-            line = (line.replace(",", ".") if number != filled[0] else line).replace(separator, ",")
-        lines[number] = line
-    names = {";": "semicolons", "\t": "tabs"}
-    notes = (f"The columns are separated by {names[separator]}.",) if separator != "," else ()
-    return (*notes, "The numbers have decimal commas.") if commas else notes
+def unnamed(path: Path, row: int, place: int) -> InputError:
+    return InputError(f"{path}, row {row}, column {place + 1}: the column has no name; name it or delete it")
 
 
 def split(path: Path, row: int, line: str) -> list[str]:
@@ -166,29 +142,61 @@ def parse_fast(body: list[str], width: int) -> np.ndarray | None:
     return matrix if matrix.shape == (len(body), width) else None
 
 
-def parse_carefully(path: Path, header: list[str], body: list[str], rows: np.ndarray) -> np.ndarray:
+def read_clocks(header: list[str], cells: list[list[str]]) -> tuple[str, ...]:
+    """Puts seconds in the place of times of day, where the first row has one; returns a sentence for each column."""
+    notes = []
+    for place, name in enumerate(header):
+        if len(cells[0]) == len(header) and is_clock(cells[0][place]):
+            there = [row for row in cells if len(row) == len(header)]
+            for row, seconds in zip(there, clock_seconds([row[place] for row in there]), strict=True):
+                row[place] = seconds
+            notes.append(f"Column {name} has times of day, which are read as seconds from the first row.")
+    return tuple(notes)
+
+
+def parse_carefully(path: Path, header: list[str], cells: list[list[str]], rows: np.ndarray) -> np.ndarray:
     """Returns the rows as numbers, or refuses the first cell that is none or row of another length."""
-    matrix = np.empty((len(body), len(header)))
-    for index, (row, line) in enumerate(zip(rows.tolist(), body, strict=True)):
-        cells = split(path, row, line)
-        if len(cells) != len(header):
-            hint = "correct or delete the row"
-            if len(cells) > len(header):
-                hint += "; if its extra commas are decimal commas, export with decimal points"
-            raise InputError(f"{path}, row {row}: {len(cells)} cells for {len(header)} columns; {hint}")
-        for name, cell in zip(header, cells, strict=True):
-            if not is_number(cell):
-                raise InputError(f"{path}, row {row}, column {name}: {describe(cell)}")
-        matrix[index] = [float(cell) for cell in cells]
-    return matrix
+    matrix = np.empty((len(cells), len(header)))
+    faults = [fault_of(row, header) for row in cells]
+    first = next((index for index, fault in enumerate(faults) if fault is not None), None)
+    if first is None:
+        matrix[:] = [[float(cell) for cell in row] for row in cells]
+        return matrix
+    place, problem, remedy = faults[first] or ("", "", "")
+    alike = sum(fault is not None and fault[0] == place for fault in faults)
+    if alike > len(cells) / 2:  # not to be mended row by row
+        problem += f", and so in {alike} of {len(cells)} rows"
+        remedy = remedy.replace("correct or delete the row", "export plain numbers, one to a column")
+    raise InputError(f"{path}, row {rows[first]}{place}: {problem}; {remedy}")
 
 
-def describe(cell: str) -> str:
-    if not cell.strip():
-        return "the cell is empty; delete the row, since a gap is a missing row"
-    if DECIMAL_COMMA.fullmatch(cell.strip()):
-        return f"{quoted(cell)} has a decimal comma; export with decimal points"
-    return f"{quoted(cell)} is text, not a number; correct or delete the row"
+def fault_of(cells: list[str], header: list[str]) -> tuple[str, str, str] | None:
+    """Returns in which column a row is wrong, as messages say it, what is, and what to do; None where it is right."""
+    if len(cells) != len(header):
+        if not any(map(is_number, cells)):
+            return "", f"{quoted(','.join(cells))} is text among the numbers", "delete the row"
+        remedy = "correct or delete the row"
+        if len(cells) > len(header):
+            remedy += "; if its extra commas are decimal commas, export with decimal points"
+        return "", f"{len(cells)} cells for {len(header)} columns", remedy
+    for name, cell in zip(header, cells, strict=True):
+        if not is_number(cell):
+            return f", column {name}", *describe(cell.strip(), name)
+    return None
+
+
+def describe(cell: str, name: str) -> tuple[str, str]:
+    """Returns what is wrong with a cell that is no number, and what to do."""
+    if not cell:
+        return "the cell is empty", "delete the row, since a gap is a missing row"
+    if cell == name:
+        return f"{quoted(cell)} is text, the header once more", "keep one run in a file"
+    if DECIMAL_COMMA.fullmatch(cell):
+        return f"{quoted(cell)} has a decimal comma", "export with decimal points"
+    if LIKE_A_DATE.fullmatch(cell):
+        remedy = "export seconds, or times such as 2024-03-05 14:03:59.500"
+        return f"{quoted(cell)} is a date or a time of day", remedy
+    return f"{quoted(cell)} is text, not a number", "correct or delete the row"
 
 
 def save_csv(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -12,6 +12,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError, MatReadWarning
 
 from jbridge.errors import InputError
+from jbridge.recordings.tables.columns import CHANNELS
 from jbridge.recordings.tables.mat_format import checked
 from jbridge.recordings.tables.table import Table
 
@@ -55,6 +56,8 @@ def read_mat(path: Path, content: bytes) -> Table:
         if name.startswith("__"):
             continue
         for inner, vector in fields(path, name, value).items():
+            if inner in columns and is_same(columns[inner], vector):
+                continue  # each of several structs has the time
             if inner in columns or inner in unusable:
                 raise InputError(
                     f"{path}, column {inner}: the name is there twice, also in {name}; keep one of them in the file"
@@ -90,10 +93,17 @@ def load(path: Path, content: bytes) -> dict[str, object]:
         raise InputError(f"{path}: not a MATLAB file, or a damaged one ({kind}); save it again") from None
 
 
-def fields(path: Path, name: str, value: object) -> dict[str, object]:
-    """Returns the vectors that a variable holds: itself, or a struct's fields."""
+def is_same(column: np.ndarray, value: object) -> bool:
+    return isinstance(value, np.ndarray) and value.size == column.size and np.array_equal(value.reshape(-1), column)
+
+
+def fields(path: Path, name: str, value: object, depth: int = 0) -> dict[str, object]:
+    """Returns the vectors that a variable holds: itself, or the fields of a struct and of structs within it.
+
+    A struct of `Time` and `Data`, or of time and one signal without label, is the signal called like the variable.
+    """
     names = value.dtype.names if isinstance(value, np.ndarray) else None
-    if names is None:
+    if names is None or depth > 8:
         return {name: value}
     assert isinstance(value, np.ndarray)
     if value.size != 1:
@@ -101,7 +111,15 @@ def fields(path: Path, name: str, value: object) -> dict[str, object]:
     struct = value.reshape(-1)[0]
     if {"time", "signals"} <= set(names):
         return structure_with_time(path, name, struct)
-    return {inner: struct[inner] for inner in names}
+    if {"Time", "Data"} <= set(names):
+        return {"t": struct["Time"], name: struct["Data"]}
+    found: dict[str, object] = {}
+    for inner in names:
+        for label, vector in fields(path, inner, struct[inner], depth + 1).items():
+            if label in found and not (isinstance(before := found[label], np.ndarray) and is_same(before, vector)):
+                raise InputError(f"{path}, column {label}: the name is there twice in {name}; keep one of them")
+            found.setdefault(label, vector)
+    return found
 
 
 def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, object]:
@@ -115,6 +133,7 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
         )
     for place, signal in enumerate(signals.reshape(-1)):
         label = text(signal["label"]) if "label" in signals.dtype.names else ""
+        label = label or (name if signals.size == 1 and name in CHANNELS else "")
         if not label:
             raise InputError(
                 f"{path}, {name}.signals({place + 1}): the signal has no label; in MATLAB set"

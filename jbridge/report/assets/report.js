@@ -37,8 +37,8 @@
   // What overlaid curves hide.
   function difference({ label, curves: [recorded, ...simulated] }) {
     if (!simulated.length) return [];
-    const less = (value, k) => (value == null || recorded.values[k] == null ? null : value - recorded.values[k]);
-    return [{ label: `simulated less recorded ${label.slice(label.indexOf("["))}`, curves: simulated.map((curve) => ({ ...curve, values: curve.values.map(less) })) }];
+    const less = (value, k) => (value == null || recorded.values[k] == null ? null : recorded.values[k] - value);
+    return [{ label: `residual ${label.slice(label.indexOf("["))}`, curves: simulated.map((curve) => ({ ...curve, values: curve.values.map(less) })) }];
   }
 
   function recordings() {
@@ -90,7 +90,7 @@
     const reach = run.reach, scale = Math.min((wide / 2 - 40) / (reach.x[1] - reach.x[0] + 0.2), (high - 60) / (reach.l + 0.05));
     const share = Number(find("blend").value) / 100;
     const twin = share < 0.5 && run.motion.before ? "before" : "after";
-    [["recorded", "rig", 0], [twin, `twin, ${data.labels[twin]}`, wide / 2]].forEach(([role, title, left]) => {
+    [["recorded", "rig", 0], [twin, `simulation, ${data.labels[twin]}`, wide / 2]].forEach(([role, title, left]) => {
       const motion = run.motion[role] || {}, value = (name, otherwise) => at(motion[name], index) ?? otherwise;
       const x = left + 20 + scale * (value("x", reach.x[0]) - reach.x[0] + 0.1);
       const l = scale * value("l", reach.l), psi = value("psi", 0);
@@ -163,6 +163,7 @@
   }
 
   find("interactive").hidden = false;
+  document.body.classList.add("live");
   data.recordings.forEach((run, k) => { node("option", find("recording"), run.name).value = k; });
   find("recording").onchange = (event) => choose(Number(event.target.value));
   find("blend").oninput = blend;

@@ -29,6 +29,15 @@ def limits_table(rows: Iterable[NotSeen]) -> Table:
     )
 
 
+def unlimited(rows: Iterable[NotSeen]) -> list[str]:
+    """Each reason for which effects have no limit, with the effects."""
+    names: dict[str, list[str]] = {}
+    for row in rows:
+        if row.limit is None:
+            names.setdefault(row.statement, []).append(effect_name(row.kind, row.site))
+    return [f"{capital('; '.join(of))}. {statement}" for statement, of in names.items()]
+
+
 def decided_table(continued: Continued | None) -> Table:
     """What a diagnosis that goes on from an earlier one has decided; no rows where it does not."""
     former, latter = ({}, {}) if continued is None else map(_by_name, (continued.before, continued.after))

@@ -3,6 +3,7 @@
 What stands where is the matter of `assets/diagnosis.html`; here are the words and tables that it shows.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from ...diagnosis.result import Diagnosis, NamedEffect
@@ -14,9 +15,12 @@ from ..text.quantities import UNKNOWN, percent, shown
 from ..text.rows import error_rows, error_text, is_changed
 from ..text.tables import Table, errors_table, parameter_tables
 from ..text.words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, heading
-from .next_steps import decided_table, limits_table
+from .next_steps import decided_table, limits_table, unlimited
 from .places import when_sentences, where_sentences
 from .trials import trial_table
+
+MUCH = 0.1
+"""Fall of the share of a force that repeats which is worth a sentence."""
 
 
 def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
@@ -33,8 +37,10 @@ def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
         repeatable=_repeatable(diagnosis),
         where=[*where_sentences(diagnosis), *when_sentences(diagnosis)],
         decided=decided_table(diagnosis.continued),
-        notable=limits_table(row for row in diagnosis.not_seen if row.notable),
-        negligible=limits_table(row for row in diagnosis.not_seen if not row.notable),
+        invisible=unlimited(diagnosis.not_seen),
+        notable=limits_table(row for row in diagnosis.not_seen if row.notable and row.limit is not None),
+        negligible=limits_table(row for row in diagnosis.not_seen if not row.notable and row.limit is not None),
+        notes=_gathered(diagnosis.notes),
         trials=trial_table(diagnosis.trials),
         settings=Table(("setting", "value"), [(name, str(value)) for name, value in diagnosis.settings.items()]),
         **_shared(diagnosis),
@@ -65,26 +71,30 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         place += f" ({EQUATIONS[location.equation]})"
     named = "; ".join(effect_name(effect.kind, effect.site) for effect in diagnosis.effects)
     return [
-        ("Place", capital(place) if diagnosis.adequacy.alarm or location.equation in EQUATIONS else "none"),
-        ("Named physics", capital(named) if named else "none"),
-        ("Hold-out error, before and after" if is_changed(diagnosis) else "Hold-out error", _worst(diagnosis)),
+        ("What is missing", capital(named) if named else "nothing" if diagnosis.verdict == "adequate" else "not known"),
+        ("Where", capital(place) if diagnosis.adequacy.alarm or location.equation in EQUATIONS else "none"),
+        ("How much better, on the hold-out" if is_changed(diagnosis) else "Error on the hold-out", _worst(diagnosis)),
         ("How sure", _sure(diagnosis)),
-        ("What remains", "noise or measured scatter" if diagnosis.complete else "more than noise"),
+        ("What remains", "noise, or scatter between repeats" if diagnosis.complete else "more than noise"),
         ("What to do next", _next(diagnosis)),
     ]
 
 
 def _sure(diagnosis: Diagnosis) -> str:
     """Status and probability of each named effect."""
-    return "; ".join(f"{e.status}, {percent(e.probability)}" for e in diagnosis.effects) or UNKNOWN
+    said = {"confirmed": "confirmed by the hold-out", "suggested": "suggested", "event": "a single event"}
+    sure = ((said[e.status], e.probability) for e in diagnosis.effects)
+    return "; ".join(how if p is None else f"{how}, probability {percent(p)}" for how, p in sure) or UNKNOWN
 
 
 def _next(diagnosis: Diagnosis) -> str:
     if diagnosis.next_experiment is not None:
-        return "record next_experiment.csv, see below"
+        return "play next_experiment.csv on the rig and record it, see below"
     if diagnosis.stopped == "budget":
-        return "repeat it with a larger --budget"
-    return "use model.toml" if diagnosis.complete else "record more motion where the mismatch sits"
+        return "run it again with a larger --budget"
+    if not diagnosis.complete:
+        return "record more motion where the error arises"
+    return "simulate with model.toml, which has it" if diagnosis.effects else "simulate with model.toml"
 
 
 def _worst(diagnosis: Diagnosis) -> str:
@@ -113,9 +123,18 @@ def _proof(diagnosis: Diagnosis) -> list[tuple[str, Table]]:
     return [(title, errors_table(old if changed else None, new, diagnosis.noise)) for title, old, new in rows]
 
 
+def _gathered(notes: Sequence[str]) -> list[str]:
+    """Notes on recordings, `NAME: sentence`, with the names of all to which one sentence applies."""
+    names: dict[str, list[str]] = {}
+    for note in notes:
+        name, colon, sentence = note.partition(": ")
+        names.setdefault(sentence if colon else note, []).extend([name] if colon else [])
+    return [f"{', '.join(of)}: {sentence}" if of else sentence for sentence, of in names.items()]
+
+
 def _repeatable(diagnosis: Diagnosis) -> str:
     before, after = diagnosis.adequacy.repeatable_before, diagnosis.adequacy.repeatable_after
-    if before is None:
+    if before is None or (after is not None and before - after < MUCH):
         return ""
     said = f"Of the force that it leaves unexplained, {percent(before)} repeats from recording to recording"
     return f"{said}; with the final model {percent(after)}." if after is not None else f"{said}."

@@ -1,4 +1,4 @@
-"""Error over horizon: how far a model foresees, before and after, with the noise as a line."""
+"""Prediction error over the horizon, before and after, with the noise as a line."""
 
 from collections.abc import Mapping, Sequence
 
@@ -61,8 +61,8 @@ def draw_horizons(
 
     return picture(
         name,
-        "How far the model foresees the hold-out",
+        "Prediction error over the horizon, on the hold-out",
         3.4,
         draw,
-        "Root mean square errors of simulations that begin anew so often; the noise is as good as sensors can show.",
+        "Rms error of simulations that start again after each horizon; sensors can show nothing below their noise.",
     )

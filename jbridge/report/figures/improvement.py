@@ -70,7 +70,7 @@ def draw_improvement(
 
     return picture(
         name,
-        "How far simulation and hold-out recordings are apart",
+        "Error on the hold-out, before and after",
         0.9 + 0.5 * len(rows),
         draw,
         "An error of 1 times the noise is as good as the sensors can show.",

@@ -1,4 +1,4 @@
-"""What simulation leaves of a recording, over time: structure before, noise after."""
+"""Residuals of a recording over time: structure before, noise after."""
 
 from collections.abc import Iterable, Mapping
 
@@ -54,7 +54,7 @@ def draw_residuals(
             panel.set_xlim(trace.times[0], trace.times[-1])
         figure.align_ylabels(grid[:, 0])
 
-    title = f"What simulation leaves of {shortened(trace.recording)}"
+    title = f"Residuals of {shortened(trace.recording)}"
     explanation = "Grey band: twice the noise." + (" Yellow: when the mismatch stands out." if spans else "")
     return picture(name, title, 0.6 + 1.75 * len(channels), draw, f"{explanation} Each panel has its own scale.")
 

@@ -1,4 +1,4 @@
-"""Recorded and simulated signals over time, and below them what was played."""
+"""Recorded and simulated signals over time, below each its residuals, which overlaid curves hide, and the inputs."""
 
 from collections.abc import Mapping
 
@@ -11,8 +11,9 @@ from ...identification.result import Trace
 from ...model.names import quantity_name
 from ..text.quantities import Scale, pretty_unit
 from ..text.words import CHANNELS
-from .style import AFTER, BEFORE, RECORDED, Picture, drawable, picture, shortened
+from .style import AFTER, BEFORE, NOISE, RECORDED, Picture, drawable, picture, shortened
 
+_RESIDUALS = {"x": Scale(1e3, "mm"), "psi": Scale(57.29577951308232, "deg"), "l": Scale(1e3, "mm")}
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
@@ -32,13 +33,16 @@ def draw_signals(name: str, trace: Trace, units: Mapping[str, str], labels: tupl
     """
     channels = [channel for channel in CHANNELS if channel in trace.measured]
     inputs = [channel for channel in _INPUTS if channel in trace.inputs]
-    heights = [2.0] * len(channels) + [1.0] * len(inputs)
+    compared = any(labels)
+    heights = ([2.0, 1.0] if compared else [2.0]) * len(channels) + [1.0] * len(inputs)
 
     def draw(figure: FigureBase) -> None:
         panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-        for panel, channel in zip(panels, channels, strict=False):
+        for panel, channel in zip(panels[:: 2 if compared else 1], channels, strict=False):
             _draw_channel(panel, trace, channel, labels)
-        for panel, channel in zip(panels[len(channels) :], inputs, strict=True):
+        for panel, channel in zip(panels[1::2] if compared else (), channels, strict=False):
+            _draw_residuals(panel, trace, channel, labels)
+        for panel, channel in zip(panels[len(panels) - len(inputs) :], inputs, strict=True):
             panel.step(trace.times, trace.inputs[channel], where="post", color=RECORDED, linewidth=1.0)
             panel.set_ylabel(f"{_INPUTS[channel]} [{pretty_unit(units[channel])}]")
         panels[-1].set_xlabel("time from the recording's start [s]")
@@ -58,21 +62,36 @@ def _draw_channel(panel: Axes, trace: Trace, channel: str, labels: tuple[str, st
         panel.plot(
             trace.times[seen],
             scale.factor * trace.measured[channel][seen],
-            color=RECORDED,
-            alpha=0.6,
-            linewidth=3.4,
+            color=NOISE,
+            linewidth=5.0,
             label="recorded",
         )
     for simulated, colour, said in zip((trace.before, trace.after), (BEFORE, AFTER), labels, strict=True):
         if said and channel in simulated:
             panel.plot(
-                trace.times, scale.factor * drawable(simulated[channel]), color=colour, linewidth=1.5, label=said
+                trace.times, scale.factor * drawable(simulated[channel]), color=colour, linewidth=1.2, label=said
             )
     # A simulation that runs away must not flatten the recording.
     shown = [trace.measured[channel][seen], drawable(trace.after.get(channel, np.empty(0)))]
     low, high = _range(np.concatenate(shown), trace.before.get(channel) if labels[0] else None)
     panel.set_ylim(scale.factor * low, scale.factor * high)
     panel.set_ylabel(f"{quantity_name(channel)}\n{channel} [{scale.unit}]")
+
+
+def _draw_residuals(panel: Axes, trace: Trace, channel: str, labels: tuple[str, str]) -> None:
+    scale, recorded = _RESIDUALS[channel], trace.measured[channel]
+    panel.axhline(0.0, color=NOISE, linewidth=1.0)
+    left = [np.empty(0), np.empty(0)]
+    for k, (simulated, colour) in enumerate(((trace.before, BEFORE), (trace.after, AFTER))):
+        if labels[k] and channel in simulated:
+            left[k] = recorded - drawable(simulated[channel])
+            seen = np.isfinite(left[k])
+            panel.plot(trace.times[seen], scale.factor * left[k][seen], color=colour, linewidth=1.0)
+    span = recorded[np.isfinite(recorded)]
+    most = float(np.ptp(span)) if span.size else 1.0
+    low, high = _range(np.clip(np.concatenate([[0.0], *left]), -most, most), None)
+    panel.set_ylim(scale.factor * low, scale.factor * high)
+    panel.set_ylabel(f"residual\n[{scale.unit}]")
 
 
 def _range(wanted: NDArray[np.float64], other: NDArray[np.float64] | None) -> tuple[float, float]:

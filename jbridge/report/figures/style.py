@@ -3,9 +3,9 @@
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
@@ -25,29 +25,8 @@ BACKWARDS = "#8a4f9e"
 WIDTH = 8.0
 """Width of every figure [inch]."""
 _DPI = 130
-_STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 10.0,
-    "axes.titlesize": 11.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 10.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#808080",
-    "axes.grid": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 10.0,
-    "lines.linewidth": 1.4,
-    "xtick.color": "#404040",
-    "ytick.color": "#404040",
-    "figure.facecolor": "white",
-    # A noisy line of some 100 000 points cannot be rasterised in one piece.
-    "agg.path.chunksize": 20000,
-}
+STYLE = "jbridge.report.figures.common"
+"""Name by which Matplotlib finds the style sheet beside this module; the figures of experiments use it, too."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +63,7 @@ def picture(name: str, title: str, height: float, draw: Callable[[FigureBase], N
         explanation: stands below the title.
     """
     # A figure of its own canvas leaves pyplot, its global state and the display alone.
-    with mpl.rc_context(_STYLE):
+    with mpl.style.context(STYLE):
         above = 0.5 if explanation else 0.3
         figure = Figure(figsize=(WIDTH, above + height), layout="constrained")
         FigureCanvasAgg(figure)

@@ -10,7 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ...model.names import site_name
-from .quantities import digits, percent
+from .quantities import digits, percent, unbroken
 from .tables import errors_table, parameter_tables
 from .words import capital, effect_name
 
@@ -49,7 +49,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         undefined=StrictUndefined,
     )
-    made.filters |= {"base64": _base64, "capital": capital, "digits": digits, "percent": percent}
+    made.filters |= {"base64": _base64, "capital": capital, "digits": digits, "percent": percent, "unbroken": unbroken}
     made.globals |= {
         "effect_name": effect_name,
         "errors_table": errors_table,

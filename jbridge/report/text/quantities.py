@@ -5,6 +5,7 @@ Nothing here feeds a file that a program reads; those stay in SI.
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterable
 
 from ...identification.result import Estimate
@@ -80,6 +81,15 @@ def digits(value: float | None, count: int = 3) -> str:
     if not -5 <= size < 6:
         return f"{value:.{count}g}"
     return f"{value:.{max(count - 1 - size, 0)}f}"
+
+
+def unbroken(text: str) -> str:
+    """A text in which no line ends between a number and its unit.
+
+    >>> unbroken("closes 99 % of 3 mm").replace("\u00a0", "~")
+    'closes 99~% of 3~mm'
+    """
+    return re.sub(r"(?<=\d) (?=(?:%|×|°|[munk]?[msNVA]|rad|mrad)\b|%|×)", "\u00a0", text)
 
 
 def percent(share: float | None) -> str:

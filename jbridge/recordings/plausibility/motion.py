@@ -1,6 +1,4 @@
-"""Whether the laws of motion that every bridge obeys hold for the channels of a recording as they are read.
-
-They hold whatever the rig's masses, gains and friction are:
+"""Equations of motion that hold whatever a rig's masses, gains and friction are:
 
 - of the load, `l psi'' + 2 l' psi' + g sin(psi) + x'' cos(psi) = 0`;
 - of a driven axis, `x'' = b u - c x' - d sign(x') + e sin(psi) + f` with `b`, `c`, `d` not negative, or, where the
@@ -26,9 +24,6 @@ CERTAIN = 3.0
 """Sum, over stretches of time, of how plainly each speaks for the other reading, over the root of their sum of
 squares. Were each as likely to speak against it, this would be exceeded with a probability of at most exp(-3² / 2) =
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
-HOLDS = 0.1
-"""Share of the forces' mean square up to which an equation holds; those of measured rigs leave 0.1 to 26 %, and
-exchanged columns 12 to 99 %."""
 STRETCH = 3
 """Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
 LATE, LATE_AGAINST = range(8), range(2)
@@ -37,19 +32,8 @@ cycle of a controller with a late drive, look turned once they come half a perio
 every chance, and the other one that of a drive that answers at once."""
 CELL = 0.1
 """Time over which a driven axis is averaged [s]: well above sampling periods, not above the time constants of carts."""
-
 Samples = tuple[np.ndarray, np.ndarray]
 """Times [s] and values of a channel's samples."""
-
-
-@dataclass(frozen=True)
-class Misread:
-    """How cart and angle would have to be read for the load's equation to hold."""
-
-    unit: str = ""
-    """Of the cart's position, where it is not the declared one."""
-    turned: bool = False
-    """Whether the angle, or the position, has the other sign."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +114,16 @@ def certainly_better(errors: np.ndarray, other: np.ndarray, worse: float = WORSE
     return any(plainly)
 
 
+@dataclass(frozen=True)
+class Misread:
+    """How cart and angle would have to be read for the load's equation to hold."""
+
+    unit: str = ""
+    """Of the cart's position, where it is not the declared one."""
+    turned: bool = False
+    """Whether the angle, or the position, has the other sign."""
+
+
 def swing_errors(cells: Cells, factor: float) -> np.ndarray:
     """Returns what the load's equation leaves [m/s²], if the cart's position is `factor` times what was read.
 
@@ -178,24 +172,6 @@ def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cell
     period = 2 * np.pi * np.sqrt(float(np.median(l[1])) / GRAVITY)
     cells = in_cells(period / 8, times, {"x": x, "psi": psi, "l": l, "sin": (psi[0], np.sin(psi[1]))}, {})
     return cells if cells is not None and np.count_nonzero(cells.whole) >= STRETCH * CERTAIN**2 else None
-
-
-def is_swapped(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> bool:
-    """Says whether the load's equation certainly holds with position and angle exchanged, and not as they were read.
-
-    Both are judged by what they leave of their own forces and accelerations, since their sizes differ.
-    """
-    left = []
-    for angle, position in ((psi, x), (x, psi)):
-        cells = swing_cells(times, angle, position, l)
-        if cells is None:
-            return False
-        parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"), cells.acceleration("x"))
-        size = sum(float(np.var(part[cells.whole])) for part in parts)
-        errors = min((swing_errors(cells, way) for way in (1.0, -1.0)), key=lambda e: float(np.sum(e**2)))
-        left.append(errors / np.sqrt(max(size, 1e-300)))
-    as_read, exchanged = left
-    return float(np.mean(exchanged**2)) < HOLDS and certainly_better(as_read, exchanged)
 
 
 def runs_backwards(

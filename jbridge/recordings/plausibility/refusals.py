@@ -1,0 +1,43 @@
+"""Refusals of channels that are read wrongly, each with the line of a sidecar that mends it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jbridge.errors import InputError
+from jbridge.recordings.channels import Channels
+from jbridge.recordings.tables.columns import UNITS
+
+FORCE = "; --force takes it as it is"
+"""What to do if what is doubted is right."""
+
+
+def place(channels: Channels) -> str:
+    """Returns where a line of a sidecar belongs."""
+    return f"under [columns] in {channels.sidecar}"
+
+
+def refusal(channels: Channels, channel: str, what: str, *, unit: str = "", turned: bool = False) -> InputError:
+    """Returns the refusal of a channel, with the line that declares it otherwise.
+
+    Args:
+        channels: of the recording.
+        channel: the one to blame.
+        what: shows it.
+        unit: of what was read, if that is taken for SI now.
+        turned: whether the sign is the other one.
+    """
+    column = channels.columns[channel]
+    sizes = UNITS[channel]
+    if unit and column.scale is not None:
+        mended = replace(column, scale=column.scale * sizes[unit])
+    elif unit:
+        size = sizes[column.unit] * sizes[unit]
+        mended = replace(column, unit=min(sizes, key=lambda name: abs(np.log(sizes[name] / size))))
+    else:
+        mended = replace(column, sign=-column.sign if turned else column.sign)
+    message = f"{what}; declare {mended.line(channel)} {place(channels)}{FORCE}"
+    if unit:
+        values = channels.values[channel]
+        return channels.error(int(np.abs(values - np.median(values)).argmax()), channel, message)
+    return InputError(f"{channels.table.path}, column {column.name}: {message}")

@@ -1,0 +1,158 @@
+"""Columns that are plainly in another unit than declared, or called otherwise.
+
+Sizes show a unit: no laboratory's rail is 20 m long. What sizes leave open shows in the load's equation of motion.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from jbridge.errors import InputError, listed
+from jbridge.recordings.channels import Channels
+from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
+from jbridge.recordings.plausibility.motion import CELL, swing_cells, swing_errors
+from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
+from jbridge.recordings.tables.columns import UNITS, plain_column
+
+LONGEST = 20.0
+"""Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
+LEAP, SLIP = 0.5, 0.01
+"""Share of a position's range through which no cart moves from one row to the next, and shortest time [s] that is
+counted for that, so that noise between close rows is no motion."""
+
+
+def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
+    """Yields the refusals of columns that are nearly called like a channel that is missing and needed.
+
+    Args:
+        channels: of the recording.
+        locked: whether the rope's length is declared.
+    """
+    there, near = channels.values.keys(), channels.near.keys()
+    # Where an axis lacks its partner the recording is refused in any case.
+    needed = (
+        {"x", "psi"} | ({"u_x"} if "x" in near else set()) | ({"l"} if not locked and "u_l" not in there else set())
+    )
+    for channel, column in channels.near.items():
+        if channel in needed:
+            yield InputError(
+                f"{channels.table.header}, column {column.name}: not used, and there is no {channel}; declare"
+                f" {column.line(channel)} {place(channels)}, or {channel} = false if it is something else{FORCE}"
+            )
+
+
+def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
+    """Yields the refusals of a cart or a swing that is missing, though other declarations speak of it, where columns of
+    other names may be it.
+
+    Args:
+        channels: of the recording.
+        locked: whether the rope's length is declared.
+    """
+    values, others = channels.values, listed(channels.extras)
+    driven = "u_x" in values and np.ptp(values["u_x"]) > 0
+    for channel, there, why in (
+        ("x", driven, "u_x varies, but there is no x that it moves"),
+        ("psi", locked and "x" in values, "the rope is declared locked, but there is no psi"),
+    ):
+        known = values.keys() | channels.near.keys() | channels.left_out
+        if there and channel not in known and channels.extras:
+            line = replace(plain_column(channel), name=next(iter(channels.extras))).line(channel)
+            yield InputError(
+                f"{channels.table.header}: {why}; if it is one of the columns not used, {others}, declare it, such as"
+                f" {line}, {place(channels)}, otherwise {channel} = false{FORCE}"
+            )
+
+
+def doubtful_units(channels: Channels) -> Iterator[InputError]:
+    """Yields the refusals of times, positions and lengths that are too large for seconds and metres."""
+    times = channels.values["t"]
+    step = float(np.median(np.diff(times)))
+    if step > SLOWEST:
+        unit = "ms" if 1e-3 * step <= SLOWEST else "us"
+        yield refusal(channels, "t", f"a row every {step:.4g} s is too slow for a swing", unit=unit)
+        return
+    jumps = list(doubtful_jumps(channels))
+    if jumps:
+        yield from jumps
+        return
+    for name in ("x", "l"):
+        values = channels.values.get(name)
+        if values is None:
+            continue
+        size = float(np.ptp(values) if name == "x" else np.max(values))
+        shift = max(CELL, 2 * step)
+        later = np.interp(np.minimum(times + shift, times[-1]), times, values)
+        speed = float(np.quantile(np.abs(later - values), 0.9)) / shift
+        if max(size, speed) > LONGEST:
+            what = f"{size:.4g} m is longer than any laboratory"
+            if size <= LONGEST:
+                what = f"{speed:.3g} m/s is faster than any cart"
+            # Rails and ropes of laboratories have some decimetres to a few metres.
+            unit = "cm" if size < 200 else "mm" if size < 20_000 else "um"
+            yield refusal(channels, name, what, unit=unit)
+
+
+def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
+    """Yields the refusals of positions and lengths that leap through half their range from one row to the next."""
+    times = channels.values["t"]
+    for name in ("x", "l"):
+        values = channels.values.get(name)
+        if values is None:
+            continue
+        steps = np.abs(np.diff(values))
+        leaps = steps > np.maximum(LEAP * np.ptp(values), LONGEST * np.maximum(np.diff(times), SLIP))
+        if leaps.any():
+            sample = int(leaps.argmax()) + 1
+            other = "u_x" if name == "x" else "u_l"
+            yield channels.error(
+                sample,
+                name,
+                f"{steps[sample - 1]:.3g} m away from the row above, {1e3 * (times[sample] - times[sample - 1]):.3g} ms"
+                f" before, faster than any motion; correct or delete the row, or declare another column for {name} if"
+                f" this is an input such as {other}{FORCE}",
+            )
+
+
+def doubtful_angle(channels: Channels, locked_length: float | None) -> Iterator[InputError]:
+    """Yields the refusal of an angle that accelerates as no load does: one in degrees or milliradians."""
+    values = channels.values
+    length = values.get("l", locked_length)
+    if "psi" not in values or length is None:
+        return
+    excess = excess_of_angle(values["t"], values["psi"], values.get("x"), np.broadcast_to(length, values["t"].shape))
+    if excess > TOO_FAST:
+        far = float(np.abs(values["psi"] - np.median(values["psi"])).max())
+        unit, called = unit_of_angle(values["t"], values["psi"], values.get("x"), length, excess)
+        what = f"a swing of {far:.4g} rad, {excess:.0f} times as fast as gravity and the cart can make it"
+        yield refusal(channels, "psi", f"{what}, is in {called}", unit=unit)
+
+
+def unit_of_angle(
+    times: np.ndarray, psi: np.ndarray, x: np.ndarray | None, length: np.ndarray | float, excess: float
+) -> tuple[str, str]:
+    """Returns the unit of an angle in which the load's equation holds best, and what it is called.
+
+    Where a recording is too short for that, the excess decides: degrees read as radians turn 180 / pi times too fast
+    at most, for a length wrong by two twice that.
+    """
+    called = {"deg": "degrees", "mrad": "milliradians"}
+    if np.ptp(psi) < 1.01 * 360 and np.abs(np.diff(psi)).max() > 0.9 * 360:
+        return "deg", called["deg"]  # the sensor starts again at each turn
+    l = times, np.array(np.broadcast_to(length, times.shape))
+    position = times, np.zeros_like(times) if x is None else x
+    left = {}
+    for unit in called:
+        angle = times, np.unwrap(UNITS["psi"][unit] * psi)
+        cells = swing_cells(times, angle, position, l)
+        if cells is not None:
+            parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"))
+            size = sum(float(np.var(part[cells.whole])) for part in parts)
+            errors = [float(np.mean(swing_errors(cells, way) ** 2)) for way in (1.0, -1.0)]
+            left[unit] = min(errors) / max(size, 1e-300)
+    if len(left) == len(called) and 1.1 * min(left.values()) < max(left.values()):
+        unit = min(left, key=lambda name: left[name])
+    else:
+        unit = "deg" if excess < TOO_FAST * 180 / np.pi else "mrad"
+    return unit, called[unit]

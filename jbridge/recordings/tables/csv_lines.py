@@ -1,0 +1,161 @@
+"""Rewrites the lines of a log or of a spreadsheet's export as those of a plain comma-separated table.
+
+Lines are blanked rather than removed, so that each keeps its number, and every rewriting is reported in a sentence.
+"""
+
+import re
+from pathlib import Path
+
+from jbridge.errors import InputError, quoted
+from jbridge.recordings.tables.columns import SPELLINGS, UNITS
+
+STAMP = re.compile(r"\s*\d{1,2}:\d\d:\d\d(?:\.\d+)? -> ")
+"""What a serial monitor that shows times puts before each line."""
+COMMENT = re.compile(r"\s*(?:[#%]|//)(?!(?:DIV/0!|VALUE!|REF!|NAME\?|NUM!|NULL!|N/A|WERT!|NV))")
+"""Start of a line of comment; what a spreadsheet writes for an error in a formula is none."""
+NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
+"""Separators other than commas."""
+KNOWN_UNITS = {*SPELLINGS, *(unit for units in UNITS.values() for unit in units), "-", "1", ""}
+
+
+def to_plain_table(path: Path, lines: list[str]) -> tuple[str, ...]:
+    """Rewrites the lines of a file, in place, as those of a comma-separated table; returns sentences on what was done.
+
+    Raises:
+        InputError: decimal commas and decimal points are mixed.
+    """
+    if re.fullmatch(r'"?sep=[;,\t|]"?', lines[0].strip(" ")):
+        lines[0] = ""  # a line that tells spreadsheets the separator
+    return (
+        *drop_stamps(lines),
+        *drop_comments(lines),
+        *use_commas(path, lines),
+        *drop_empty_column(lines),
+        *merge_units(lines),
+    )
+
+
+def filled_lines(lines: list[str]) -> list[int]:
+    """Returns the indices of the lines that are not blank."""
+    return [number for number, line in enumerate(lines) if line.strip()]
+
+
+def drop_stamps(lines: list[str]) -> tuple[str, ...]:
+    """Removes the time of day that a serial monitor writes before each line."""
+    filled = filled_lines(lines)
+    if not filled or not all(STAMP.match(lines[number]) for number in filled):
+        return ()
+    for number in filled:
+        lines[number] = STAMP.sub("", lines[number], count=1)
+    return ("The serial monitor's time of day before each line is left out.",)
+
+
+def drop_comments(lines: list[str]) -> tuple[str, ...]:
+    """Blanks lines of comment; the last one before a table without header names its columns, if there is one."""
+    comments = [number for number, line in enumerate(lines) if COMMENT.match(line)]
+    if not comments:
+        return ()
+    first = next((number for number in filled_lines(lines) if number not in set(comments)), len(lines))
+    before = [number for number in comments if number < first]
+    if before and first < len(lines) and starts_with_number(lines[first]):
+        lines[before[-1]] = re.sub(r"^\s*(?:[#%]+|//+)\s*", "", lines[before[-1]])
+        comments.remove(before[-1])
+    for number in comments:
+        lines[number] = ""
+    if not comments:
+        return ()
+    many = "line" if len(comments) == 1 else "lines"
+    return (f"{len(comments)} {many} of comment, row {comments[0] + 1} the first, are left out.",)
+
+
+def starts_with_number(line: str) -> bool:
+    return bool(re.match(r'\s*"?[-+]?(?:\d|\.\d)', line))
+
+
+def use_commas(path: Path, lines: list[str]) -> tuple[str, ...]:
+    """Puts commas in the place of other separators, and points in that of decimal commas.
+
+    Decimal commas are taken for such only where no number has a point, since `1.234,5` leaves open what each means.
+
+    Raises:
+        InputError: points and commas are mixed.
+    """
+    filled = filled_lines(lines)
+    if not filled:
+        return ()
+    header, body = lines[filled[0]], [lines[number] for number in filled[1:]]
+    separator = separator_of(header, body)
+    commas = [row for row in body if re.search(r"\d,\d" if separator != "," else r'"[-+]?\d+,\d+', row)]
+    if separator == "," and not commas:
+        return ()
+    if commas and any(re.search(r"\d\.\d", row) for row in body):
+        if separator == ",":
+            return ()  # the cell itself is refused
+        number = lines.index(commas[0])
+        raise InputError(
+            f"{path}, row {number + 1}: decimal commas among numbers with points; export with decimal points alone"
+        )
+    for number in filled:
+        line = lines[number]
+        if separator == ",":
+            line = re.sub(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"', r"\1.\2", line)
+        else:
+            line = line.replace(",", ".") if number != filled[0] else line
+            line = ",".join(line.split()) if separator == " " else line.replace(separator, ",")
+        lines[number] = line
+    notes = (f"The columns are separated by {NAMES[separator]}.",) if separator != "," else ()
+    return (*notes, "The numbers have decimal commas.") if commas else notes
+
+
+def separator_of(header: str, body: list[str]) -> str:
+    """Returns what separates the columns: blanks only where nothing else can, and where they give equal rows."""
+    if "," in header:
+        return ","
+    for separator in ";\t|":
+        if separator in header:
+            return separator
+    width = len(header.split())
+    blanks = width > 1 and body and all(len(row.split()) == width for row in (body[0], body[len(body) // 2]))
+    return " " if blanks and starts_with_number(body[0]) else ","
+
+
+def drop_empty_column(lines: list[str]) -> tuple[str, ...]:
+    """Removes the separator with which a logger ends each row."""
+    filled = filled_lines(lines)
+    if len(filled) < 2:
+        return ()
+    header, *body = (lines[number].rstrip() for number in filled)
+    # The last row of a log may be cut.
+    if not all(row.endswith(",") for row in body[: max(1, len(body) - 1)]) or body[0].count(",") < header.count(","):
+        return ()
+    if not header.endswith(",") and body[0].count(",") == header.count(","):
+        return ()  # a column that has a name, and is empty
+    for number in filled:
+        lines[number] = lines[number].rstrip().removesuffix(",")
+    return ("Each row ends with a separator, which is left out.",)
+
+
+def merge_units(lines: list[str]) -> tuple[str, ...]:
+    """Puts a row of units below the names of the columns into brackets behind them."""
+    filled = filled_lines(lines)
+    if len(filled) < 2:
+        return ()
+    names, cells = (lines[number].split(",") for number in filled[:2])
+    units = [cell.strip().strip('"').strip("[]()").strip() for cell in cells]
+    spelled = [unit for unit in units if unit not in ("-", "1", "")]
+    if len(names) != len(units) or not spelled or not all(u in KNOWN_UNITS or u.lower() in KNOWN_UNITS for u in units):
+        return ()
+    named = [
+        f"{name.strip().strip(chr(34))} [{unit}]" if unit in spelled else name
+        for name, unit in zip(names, units, strict=True)
+    ]
+    lines[filled[0]], lines[filled[1]] = ",".join(named), ""
+    return (f"Row {filled[1] + 1} is read as the units of the columns.",)
+
+
+def refuse_no_header(path: Path, row: int, line: str) -> InputError:
+    """Returns the refusal of text above the header."""
+    return InputError(
+        f"{path}, row {row}: {quoted(line)} is no row of column names; delete the rows above the header, and others"
+        " that hold text"
+    )
