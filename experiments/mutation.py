@@ -138,7 +138,7 @@ def _others(node: ast.expr) -> Iterator[ast.expr]:
 
 def _other_statements(node: ast.stmt, tree: ast.AST) -> Iterator[str]:
     """What may stand instead of a statement, but for one that alone binds a name: without that Python complains."""
-    if isinstance(node, ast.Return) and node.value is not None:
+    if isinstance(node, ast.Return) and node.value is not None and ast.unparse(node.value) != "None":
         yield "return None"
     elif isinstance(node, ast.Raise | ast.Continue | ast.Break | ast.AugAssign):
         yield "pass"

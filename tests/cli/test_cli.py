@@ -228,7 +228,7 @@ def test_status_is_zero_whatever_the_verdict(rig, calls, monkeypatch, case):
         ("fit model.toml a.csv --out out --hold b.csv", "unrecognized arguments: --hold"),
         ("fit model.toml a.csv --out out --holdout", "--holdout: expected at least one argument"),
         ("diagnose none.toml a.csv --out out", "none.toml: no such file"),
-        ("diagnose a.csv a.csv --out out", "a.csv: not TOML"),
+        ("diagnose a.csv a.csv --out out", "a.csv: a recording; name the model"),
         ("diagnose model.toml none.csv --out out", "none.csv: no such file"),
         ("diagnose model.toml a.csv --holdout none.csv --out out", "none.csv: no such file"),
         ("diagnose model.toml a.csv --holdout a.csv --out out", "a.csv: the recording is named twice"),
