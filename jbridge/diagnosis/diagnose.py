@@ -36,7 +36,8 @@ from .structures.candidates import WRONG_VALUE
 from .structures.space import make_space
 from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
-from .validation.validate import Validation, of_its_own, unopened, validate, whole_errors
+from .validation.refits import of_its_own
+from .validation.validate import Validation, unopened, validate, whole_errors
 from .words import amount, verdict_sentence
 
 BUDGET = 300.0

@@ -16,7 +16,8 @@ from .selection.moves import axis_of
 from .selection.search import Search
 from .structures.candidates import WRONG_VALUE
 from .structures.structure import Structure
-from .validation.validate import Checked, Fixed, of_its_own
+from .validation.refits import Fixed, of_its_own
+from .validation.validate import Checked
 from .words import effect_sentence
 
 

@@ -19,27 +19,21 @@ from numpy.typing import NDArray
 
 from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
-from ...identification.estimation import Problem, engine_for
+from ...identification.estimation import Problem
 from ...identification.evaluation.errors import Evaluation
 from ...identification.evaluation.judge import Judge, make_judge
 from ...identification.evaluation.repeats import scatter
 from ...identification.likelihood import Likelihood, likelihood
-from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting
-from ...identification.solver import Point, Start
-from ...model.parameters import ParameterTable
-from ...model.plant import Plant
 from ...recordings import Recording
 from ..criteria import CRITERIA
-from ..structures.candidates import WRONG_VALUE
-from ..structures.space import Name, happens_once, is_apart
+from ..structures.space import Name, happens_once
 from ..structures.structure import Structure, steadiness
 from .holdout import HoldOut
+from .refits import REFIT, Fixed, of_its_own, refitted
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
 """Horizons on which models are compared, those of the criterion."""
-_REFIT = 8
-"""Iterations of a fit without one of the effects."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,20 +50,6 @@ class Checked:
     """Of the criterion on the hold-out without it [nat],"""
     steady: float
     """and how steady it is over blocks, in standard errors, see `steadiness`."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Fixed:
-    """A model of fixed structure, fitted, with its own program."""
-
-    plant: Plant
-    names: tuple[Name, ...]
-    engine: Engine
-    point: Point
-
-    @property
-    def table(self) -> ParameterTable:
-        return self.engine.table
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -173,7 +153,7 @@ def validate(
         without = {}
         for name in final.names:
             tell(f"leaving out {name[0]} ({name[1]})")
-            reduced = _refitted(problem, every, base, [*dropped, name])
+            reduced = refitted(problem, every, base, [*dropped, name])
             run = judge.evaluate(reduced.plant, reduced.engine)
             loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
             without[name] = _checked(name, loss, before, complete, run), reduced, run
@@ -188,12 +168,12 @@ def validate(
             break
     checked += [without[name][0] for name in final.names]
     if dropped:
-        final = _refitted(problem, every, base, dropped, own=True) if final.names else given
+        final = refitted(problem, every, base, dropped, own=True) if final.names else given
         complete = judge.evaluate(final.plant, final.engine) if final.names else before
     doubtful = [c.name for c in checked if c.status == "suggested" and c.name in final.names]
     sure = complete if not doubtful else before
     if doubtful and len(doubtful) < len(final.names):
-        reduced = _refitted(problem, final, base, doubtful)
+        reduced = refitted(problem, final, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
     return Validation(
         checked=tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
@@ -212,7 +192,7 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
     """The model as given with the numbers that leave the hold-out's squared error smaller: fitted as all models are, or
     by least squares, so that nothing is explained that another fit would have closed."""
     squares = dataclasses.replace(problem, likelihood=problem.likelihood.of_squares())
-    [point] = squares.solve(base.space.engine, [base.point.start], _REFIT)
+    [point] = squares.solve(base.space.engine, [base.point.start], REFIT)
     found = []
     for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
         run = judge.evaluate(each.plant, each.space.engine)
@@ -327,61 +307,7 @@ def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -
     return {horizon: scatter(every, horizon) for horizon in run.horizons}
 
 
-# ------------------------------------------------------------------ fits without an effect
-
-
 def whole_errors(problem: Problem, model: Fixed, sealed: HoldOut) -> dict[str, float]:
     """Root-mean-square error of a model on whole recordings of the hold-out, by channel."""
     judge = make_judge(problem.setting, sealed.open(), problem.setting.noise, (WHOLE,), samples=problem.data.samples)
     return judge.evaluate(model.plant, model.engine).errors(WHOLE)
-
-
-def of_its_own(problem: Problem, structure: Structure) -> Fixed:
-    """A structure that no search changes any more, without room for others."""
-    plant, point = structure.plant, structure.point
-    engine = engine_for(problem.setting, problem.data, plant)
-    places = np.array([engine.table.positions(name)[0] for name in structure.free], np.int64)
-    own = dataclasses.replace(point, vector=np.array(engine.table.ravel(plant), dtype=float), free=places)
-    return Fixed(plant, structure.names, engine, own)
-
-
-def _refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Name], own: bool = False) -> Fixed:
-    """A model without some of its added effects, fitted again.
-
-    The model's own program serves where these have null values; mechanisms have none.
-
-    Args:
-        problem: the recordings.
-        model: with the effects.
-        base: the model as given, refitted.
-        left: what is left out.
-        own: whether the model no longer has them, not even with null values.
-    """
-    table = model.table
-    vector, apart = model.point.vector.copy(), [name for name in left if own or is_apart(name[0])]
-    if len(model.names) == len(left):
-        # The model as given stands at its own optimum.
-        there = ParameterTable(base.plant)
-        values = np.array(there.ravel(base.plant), dtype=float)
-        for name in there.names():
-            vector[table.positions(name)] = values[there.positions(name)]
-    free = []
-    for place in map(int, model.point.free):
-        entry = table.entry(place)
-        kind, site = entry.group.rpartition(".")[0].split("#")[0].partition("@")[::2]
-        if (WRONG_VALUE, entry.group) in left:
-            vector[place] = getattr(base.plant.bridge, entry.group)
-        elif (kind, site) in left:
-            vector[place] = entry.info.null
-        else:
-            free.append(entry.name)
-    plant, engine = table.unravel(vector), model.engine
-    if apart:
-        plant = Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) not in apart))
-        engine = engine_for(problem.setting, problem.data, plant)
-    places = np.array([engine.table.positions(name)[0] for name in free], np.int64)
-    states = base.point.states if len(model.names) == len(left) else model.point.states
-    start = Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
-    [point] = problem.solve(engine, [start], _REFIT)
-    fitted = engine.table.unravel(point.vector)
-    return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
