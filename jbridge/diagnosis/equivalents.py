@@ -15,6 +15,7 @@ from .result import NamedEffect, Rival
 from .selection.moves import axis_of
 from .selection.search import Search
 from .structures.candidates import WRONG_VALUE
+from .structures.space import Name
 from .structures.structure import Structure
 from .validation.refits import Fixed, of_its_own
 from .validation.validate import Checked
@@ -49,28 +50,33 @@ def parameters_of(
     return {name.removeprefix(f"{owner}."): e for name, e in values.items() if name.startswith(f"{owner}.")}
 
 
-def round_of(search: Search, name: tuple[str, str]) -> tuple[Structure, list[Structure]] | None:
-    """The model that an effect was added to, and all that were tried in its place, the effect's own first.
+def round_of(search: Search, name: Name) -> list[tuple[Name, Structure]] | None:
+    """All effects that were tried in an effect's place with the models that have them, the effect's own first.
 
-    One that took the place of another was tried where that one was added. What the final model has as well was not in
-    its place, and what acts on another axis, where the final model has other effects, was in theirs, unless the
-    catalogue says that some recordings cannot tell the two apart.
+    One that took the place of another was tried where that one was added, and one that was added beside others of its
+    axis, beside these. What the final model has as well was not in its place, and what acts on another axis, where the
+    final model has other effects, was in theirs, unless the catalogue says that some recordings cannot tell the two
+    apart.
     """
     final = set(search.held[-1].names) - {name}
     taken = {axis_of(other) for other in final} - {axis_of(name)}
     for before, tried, after in zip(search.held, search.tried, search.held[1:], strict=False):
-        adding = [s for s in tried if len(set(s.names) - set(before.names)) == 1 and len(s.blocks)]
-        new = [next(iter(set(s.names) - set(before.names))) for s in adding]
-        free = [n not in final and (axis_of(n) not in taken or _declared(name, n)) for n in new]
-        adding = [s for s, own in zip(adding, free, strict=True) if own]
-        own = [s for s in adding if name in s.names and name not in before.names]
         placed = {n for n in after.names if n not in before.names and axis_of(n) == axis_of(name)}
+        members = []
+        for structure in tried:
+            added = set(structure.names) - set(before.names)
+            if not (placed & final <= added and len(added - final) == 1 and len(structure.blocks)):
+                continue
+            [new] = added - final
+            if added - {new} == placed & final and (axis_of(new) not in taken or _declared(name, new)):
+                members.append((new, structure))
+        own = [member for member in members if member[0] == name]
         if own and placed - final:
-            return before, [own[0], *(s for s in adding if s is not own[0])]
+            return [own[0], *(member for member in members if member[0] != name)]
     return None
 
 
-def _declared(one: tuple[str, str], other: tuple[str, str]) -> bool:
+def _declared(one: Name, other: Name) -> bool:
     """Whether the catalogue says of two effects that some recordings cannot tell them apart."""
     pairs = ((one, other), (other, one))
     return any(
@@ -114,16 +120,15 @@ def named_effect(
     """
     kind, site = checked.name
     parameters = parameters_of(kind, site, values)
-    found = round_of(search, checked.name)
+    members = round_of(search, checked.name)
     rivals: list[Rival] = []
     own = 1.0
-    if found is not None:
-        before, members = found
-        chances = _chances(members)
+    if members is not None:
+        chances = _chances([structure for _, structure in members])
         own = float(chances[0])
         order = sorted(range(1, len(members)), key=lambda i: -chances[i])
         near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
-        rivals = [_rival(search, before, members[i], float(chances[i]), holdout_errors) for i in near]
+        rivals = [_rival(search, *members[i], float(chances[i]), holdout_errors) for i in near]
     statement = effect_sentence(kind, site, parameters, rivals)
     return NamedEffect(
         kind=kind,
@@ -140,12 +145,11 @@ def named_effect(
 
 def _rival(
     search: Search,
-    before: Structure,
+    name: Name,
     own: Structure,
     probability: float,
     holdout_errors: Callable[[Fixed], Mapping[str, float]],
 ) -> Rival:
-    [name] = set(own.names) - set(before.names)
     model = of_its_own(search.problem, own)
     values, _ = estimated(search.problem, model)
     return Rival(*name, probability, parameters_of(*name, values), holdout_errors(model))
@@ -160,12 +164,10 @@ def contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender
     found = round_of(search, (effect.kind, effect.site))
     if found is None:
         return []
-    before, members = found
     chances = {(effect.kind, effect.site): effect.probability or 0.0}
     chances |= {(r.kind, r.site): r.probability for r in effect.equivalents}
     out = []
-    for structure in members:
-        [name] = set(structure.names) - set(before.names)
+    for name, structure in found:
         if name not in chances:
             continue
         problem, point = search.problem, structure.point

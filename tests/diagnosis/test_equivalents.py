@@ -24,7 +24,7 @@ def model(*names):
 
 def members(search, name):
     found = round_of(search, name)
-    return None if found is None else [s.names[-1] for s in found[1]]
+    return None if found is None else [name for name, _ in found]
 
 
 def test_those_that_were_tried_when_it_was_added():
@@ -54,3 +54,12 @@ def test_what_the_catalogue_calls_alike_may_act_on_another_axis():
     held = (model(), model(offset), model(offset, PIVOT))
     search = only(Search, held=held, tried=((model(offset), model(clock), model(DRAG)), (model(offset, PIVOT),), ()))
     assert members(search, offset) == [offset, clock]
+
+
+def test_one_of_a_pair_was_tried_beside_the_other():
+    held = (model(), model(PIVOT, DRAG))
+    singles = (model(PIVOT), model(DRAG), model(("sensor_scale", "l_sensor")))
+    pairs = (model(PIVOT, DRAG), model(("power_law_damping", "swing"), DRAG), model(PIVOT, ("wind", "swing")))
+    search = only(Search, held=held, tried=((*singles, *pairs), ()))
+    assert members(search, PIVOT) == [PIVOT, ("power_law_damping", "swing")]
+    assert members(search, DRAG) == [DRAG, ("wind", "swing")]
