@@ -46,10 +46,8 @@ class Checked:
     explained: float | None
     """Share of the hold-out's excess squared error that comes back without it, as a mean over the channels in which
     any exceeds the noise; None where there is none."""
-    loss: float
-    """Of the criterion on the hold-out without it [nat],"""
     steady: float
-    """and how steady it is over blocks, in standard errors, see `steadiness`."""
+    """How steadily blocks of the hold-out are met worse without it, in standard errors, see `steadiness`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -208,7 +206,7 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     final = of_its_own(problem, found)
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
-    checked = tuple(Checked(name, "suggested", None, 0.0, 0.0) for name in found.names)
+    checked = tuple(Checked(name, "suggested", None, 0.0) for name in found.names)
     return Validation(
         checked=checked,
         given=of_its_own(problem, base),
@@ -263,7 +261,7 @@ def _checked(
         complete: the model with it.
         run: the model without it.
     """
-    total, steady = float(loss.sum()), steadiness(loss.sum(axis=1))
+    steady = steadiness(loss.sum(axis=1))
     own, (horizon, axes) = _explained(before, complete, run), _shown(before)
     # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
     axis = AXES[int(loss.sum(axis=0).argmax())]
@@ -271,9 +269,9 @@ def _checked(
     nameless = axis in axes and without - left <= left
     explained = float(np.mean(list(own.values()))) if own else None
     if steady > CRITERIA.confirmed and not nameless:
-        return Checked(name, "confirmed", explained, total, steady)
-    once = happens_once(name[0]) and total <= 0.0
-    return Checked(name, "event" if once else "suggested", explained, total, steady)
+        return Checked(name, "confirmed", explained, steady)
+    once = happens_once(name[0]) and float(loss.sum()) <= 0.0
+    return Checked(name, "event" if once else "suggested", explained, steady)
 
 
 def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
