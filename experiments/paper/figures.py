@@ -17,6 +17,7 @@ from matplotlib.ticker import NullFormatter
 
 import jbridge
 
+plt.style.use("jbridge.report.figures.common")
 RIG = "virtual rig"
 DARK, BLUE, ORANGE, GREEN, GREY = "#3c3c3c", "#0a6ebd", "#dd6a00", "#00805c", "#909090"
 POINTS = {"T_z": (0.0, 0.185), "T_1": (1.2, 0.6), "T_2": (0.5, 0.3)}

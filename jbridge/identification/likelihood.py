@@ -8,20 +8,20 @@ in units of the noise's variance, with `m` the effective number of samples of a 
 met better than its noise. The windows of one horizon of a recording are Student's t with one scale `S`, the typical
 variance, which is estimated with all else. The criterion is
 
-    J = sum over recordings and channels of mean over horizons of n * mean over windows of a j,
+    J = sum over recordings and channels of n * weighted mean over horizons of mean over windows of a j,
     j = ln(S) / 2 + ln((1 + s2 / S) / 2).
 
 It goes by the logarithm of the typical error: between 200 and 100 times the noise as much is gained as between 2 times
 and once. Windows near the typical error count by their squares, as in least squares. One that the model cannot meet yet
 costs the logarithm of its error, so it does not bend everything else; and one that happens to be met far better than
 most has no say of its own: a sum of logarithms would have a minimum at each such window. `n`, the effective number of
-samples of a recording, follows from the autocorrelation of what the best model so far leaves: it is the number of
-independent samples whose mean square would be as uncertain (Bayley and Hammersley, Supplement to the Journal of the
-Royal Statistical Society 8, 1946). A whole recording of a model that drifts has a few, short windows have hundreds:
-each horizon counts by its own number, so that no law is found in a single drift, but by no more than the geometric mean
-of all, so that short windows, in which the slow laws hardly show, do not outvote long ones. `a` discounts windows in
-which the rig rests and the best model so far is right, which tell next to nothing of laws of motion; where the rig
-rests and the model does not, it lacks what holds the rig.
+samples of a recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so
+far leaves: it is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley,
+Supplement to the Journal of the Royal Statistical Society 8, 1946). A whole recording of a model that drifts has a few,
+short windows have hundreds: horizons weigh as their own numbers do, so that no law is found in a single drift, but none
+by more than the mean, so that short windows, in which slow laws hardly show, do not outvote long ones. `a` discounts
+windows in which the rig rests and the best model so far is right, which tell next to nothing of laws of motion; where
+the rig rests and the model does not, it lacks what holds the rig.
 """
 
 import dataclasses
@@ -173,11 +173,11 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             share[own, k] = _told(signal) / tiling.windows
     total = 0.0
     for (_, k), values in number.items():
-        most = float(np.exp(np.mean(np.log(list(values.values())))))
-        for t, own_number in values.items():
-            n = min(own_number, most) / len(values)
-            share[windows.tiling == t, k] *= n
-            total += n
+        n = float(np.exp(np.mean(np.log(list(values.values())))))
+        weight = {t: min(own_number, n) for t, own_number in values.items()}
+        for t, own_weight in weight.items():
+            share[windows.tiling == t, k] *= n * own_weight / sum(weight.values())
+        total += n
     _, group = np.unique(np.stack([windows.recording, windows.horizon]), axis=1, return_inverse=True)
     return Likelihood(share, within, windows.count, group, total)
 

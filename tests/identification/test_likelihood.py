@@ -145,11 +145,12 @@ def test_horizons_with_the_same_errors_count_the_same(data):
     assert totals[0] == pytest.approx(totals[1])
 
 
-def test_a_horizon_counts_by_its_own_samples_and_by_no_more_than_the_mean(data):
+def test_horizons_weigh_as_their_own_samples_do_and_by_no_more_than_the_mean(data):
     white = np.random.default_rng(0).standard_normal((data.samples, 3))
     drift = np.linspace(-1.0, 1.0, data.samples)[:, None] * np.ones(3)
-    alone = [counted(data, [left] * 2)[1] for left in (white, drift)]
+    many, few = (counted(data, [left] * 2)[1] for left in (white, drift))
+    assert few < 10.0 < many
     totals, total = counted(data, [white, drift])
-    assert 2.0 * totals[1] == pytest.approx(alone[1]) and alone[1] < 10.0
-    assert 2.0 * totals[0] == pytest.approx(np.sqrt(alone[0] * alone[1]))
-    assert total == pytest.approx(sum(totals))
+    mean = np.sqrt(many * few)
+    assert total == pytest.approx(mean) and sum(totals) == pytest.approx(mean)
+    assert totals[1] / totals[0] == pytest.approx(few / mean)

@@ -5,8 +5,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.stats import norm, t
 
 from ...identification.estimation import Problem
 from ...identification.solver import Normal, Point, bounded_step, ties
@@ -134,15 +133,15 @@ def steadiness(gain: NDArray[np.float64]) -> float:
     """How steadily a model gains over blocks: the mean over its standard error, as that of a normal distribution.
 
     The mean is of the signed root of twice the gain, which grows with an effect, and to which noise gives a variance of
-    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. The standard
-    error is that of noise, which is known, or, where blocks scatter more, the one that they show: with Student's t,
-    since they may be two, and with the variance of noise counted like one that some more of them have shown.
+    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. It is the
+    smaller of two: over the standard error of noise, which is known, and over the one that the blocks show, by
+    Student's t, since they may be two, and with the variance of noise counted like one that some more have shown.
     """
     root = np.sign(gain) * np.sqrt(2.0 * np.abs(gain))
     mean, freedom = float(root.mean()), _KNOWN + len(root) - 1
     variance = (_KNOWN + float(np.sum((root - mean) ** 2))) / freedom
     known = abs(mean) * math.sqrt(len(root))
-    shown = float(normal.isf(student.sf(known / math.sqrt(variance), freedom)))
+    shown = float(norm.isf(t.sf(known / math.sqrt(variance), freedom)))
     return math.copysign(min(known, shown), mean)
 
 

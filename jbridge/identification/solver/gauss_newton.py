@@ -137,22 +137,28 @@ def _kept_where_better(
 def _from_other_states(
     engine: Engine, data: Data, windows: Index, likelihood: Likelihood, points: Sequence[Point]
 ) -> list[Point]:
-    """The points with, for each window, the initial state in hand or another one, whichever meets it better: that of a
-    shorter window that begins with it, whose fit is nearly linear, or else its first guess.
+    """The points with, for each window, the initial state in hand, its first guess, or that of a shorter window that
+    begins with it, whose fit is nearly linear: whichever meets it best.
 
     A model that lacks much pulls initial states into basins that better parameters alone do not lead out of: those of a
     cart that is held a moment longer.
     """
-    others = [Start(p.vector, p.free, _states_of_shorter(data, p.states)) for p in points]
-    again = evaluate(engine, data, likelihood, others)
-    return [_better_by_window(windows, likelihood, p, q)[0] for p, q in zip(points, again, strict=True)]
+    first = tuple(t.states for t in data.tilings)
+    others = [Start(p.vector, p.free, states) for p in points for states in (first, _states_of_shorter(data, p.states))]
+    found = evaluate(engine, data, likelihood, others)
+    out = []
+    for point, *other in zip(points, found[::2], found[1::2], strict=True):
+        for each in other:
+            point, _ = _better_by_window(windows, likelihood, point, each)
+        out.append(point)
+    return out
 
 
 def _states_of_shorter(data: Data, states: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
-    """For each window the initial state of the longest shorter one that begins with it, or else its first guess."""
+    """For each window the initial state of the longest shorter one that begins with it, or else its own."""
     out = []
-    for tiling in data.tilings:
-        own = tiling.states.copy()
+    for tiling, mine in zip(data.tilings, states, strict=True):
+        own = mine.copy()
         shorter = [
             (other.horizon, other.begins, found)
             for other, found in zip(data.tilings, states, strict=True)

@@ -13,7 +13,7 @@ from ..text.quantities import Scale, pretty_unit
 from ..text.words import CHANNELS
 from .style import AFTER, BEFORE, NOISE, RECORDED, Picture, drawable, picture, shortened
 
-_RESIDUALS = {"x": Scale(1e3, "mm"), "psi": Scale(57.29577951308232, "deg"), "l": Scale(1e3, "mm")}
+_RESIDUALS = {"x": Scale(1e3, "mm"), "psi": Scale(180.0 / np.pi, "deg"), "l": Scale(1e3, "mm")}
 _ROLES = {
     "train": "training recording",
     "holdout": "hold-out recording: never used for fitting",
@@ -87,8 +87,10 @@ def _draw_residuals(panel: Axes, trace: Trace, channel: str, labels: tuple[str, 
             left[k] = recorded - drawable(simulated[channel])
             seen = np.isfinite(left[k])
             panel.plot(trace.times[seen], scale.factor * left[k][seen], color=colour, linewidth=1.0)
-    span = recorded[np.isfinite(recorded)]
-    most = float(np.ptp(span)) if span.size else 1.0
+    # A simulation that runs away is cut off, one that moves where the record rests is not.
+    span, last = recorded[np.isfinite(recorded)], np.abs(left[1] if left[1].size else left[0])
+    usual = np.quantile(last[np.isfinite(last)], 0.9) if np.isfinite(last).any() else 0.0
+    most = max(float(np.ptp(span)) if span.size else 1.0, 2.0 * float(usual))
     low, high = _range(np.clip(np.concatenate([[0.0], *left]), -most, most), None)
     panel.set_ylim(scale.factor * low, scale.factor * high)
     panel.set_ylabel(f"residual\n[{scale.unit}]")
