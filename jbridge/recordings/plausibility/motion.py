@@ -222,8 +222,8 @@ def against_and_with(
     u = cells.middle("u")
     for delay in LATE:
         parts = np.stack([u[late - delay : u.size - delay][chosen], *others], axis=1)
-        scale = np.maximum(np.sqrt(np.mean(parts**2, axis=0)), 1e-300)
-        triangle = np.asarray(np.linalg.qr(np.column_stack([parts / scale, wanted]), mode="r"))
+        parts /= np.maximum(np.abs(parts).max(axis=0), 1e-300)  # no square, and no factor, leaves the range of numbers
+        triangle = np.asarray(np.linalg.qr(np.column_stack([parts, wanted]), mode="r"))
         count = parts.shape[1]
         for against in (True, False) if delay in LATE_AGAINST else (False,):
             way = np.ones(count)
@@ -233,7 +233,7 @@ def against_and_with(
             found, _ = nnls(np.column_stack([both, -both[:, count - len(free) - 1 :]]), triangle[:, count])
             factors = found[:count]
             factors[count - len(free) - 1 :] -= found[count:]
-            errors = wanted - parts @ (way * factors / scale)
+            errors = wanted - parts @ (way * factors)
             if against not in left or np.sum(errors**2) < np.sum(left[against] ** 2):
                 left[against] = errors
     return left[True], left[False]
