@@ -2,6 +2,7 @@
 
 import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +73,7 @@ def test_many_comments_take_no_longer_each(tmp_path):
     assert seconds(40_000) < 40 * max(seconds(4_000), 0.002)
 
 
+RECORDED = Path(__file__).parent / "whole_bridge.csv"
 ROWS = [f"{t / 100:.2f},{np.sin(t / 30):.6f}" for t in range(400)]
 
 
@@ -155,3 +157,38 @@ def test_names_are_cut_and_control_characters_refused(tmp_path):
     recording = recording_of(tmp_path, "t,psi,l," + "y" * 5000, range(400))
     (note,) = (note for note in recording.notes if "kept but not used" in note)
     assert len(note) < 120 and "'yyy" in note
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "unit"),
+    [
+        ("t", "t [ms]", "s"),
+        ("x", "x [mm]", "m"),
+        ("x", "x [cm]", "m"),
+        ("x", "x [um]", "m"),
+        ("psi", "psi [mrad]", "rad"),
+        ("psi", "psi (deg)", "rad"),
+    ],
+)
+def test_a_unit_of_the_header_that_is_too_small_is_refused(tmp_path, name, said, unit):
+    """SI numbers under another unit's name; with the line in the refusal they are read as what they are."""
+    path = tmp_path / "run.csv"
+    rows = RECORDED.read_text().splitlines()
+    path.write_text("\n".join([",".join(said if n == name else n for n in rows[0].split(",")), *rows[1:]]) + "\n")
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    line = re.search(rf"declare ({name} = \{{.*?\}})", str(caught.value))
+    assert line, str(caught.value)
+    assert f'unit = "{unit}"' in line[1]
+    path.with_suffix(".toml").write_text(f"[columns]\n{line[1]}\n")
+    recording = load_recording(path)
+    np.testing.assert_array_equal(recording.psi, load_recording(RECORDED).psi)
+    np.testing.assert_array_equal(recording.x, load_recording(RECORDED).x)
+
+
+def test_times_that_no_unit_mends_are_doubted(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,psi,l\n" + "".join(f"{t * 1e-5:.5f},{np.sin(t / 30):.4f},0.7\n" for t in range(400)))
+    with pytest.raises(InputError, match="column t: a row every 1e-05 s is more often"):
+        load_recording(path)
+    assert load_recording(path, force=True).times.size == 400
