@@ -85,8 +85,6 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     labelled = [name for name in columns if name not in declared.columns and columns[name].name != name]
     if labelled:
         notes.append(f"Units are those of the header: {', '.join(f'{n} in {columns[n].unit}' for n in labelled)}.")
-    if extras:
-        notes.append(f"Columns that are no channel are kept but not used: {listed(map(quoted, extras))}.")
     skipped = [name for name in others if name not in extras and name not in table.clocks]
     if skipped:
         notes.append(f"Vectors that differ from the time in length are left out: {listed(map(quoted, skipped))}.")
@@ -114,6 +112,9 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
             extras={name: values for name, values in channels.extras.items() if name not in unknown},
             notes=(*channels.notes, left_out_note(unknown)),
         )
+    if channels.extras:
+        note = f"Columns that are no channel are kept but not used: {listed(map(quoted, channels.extras))}."
+        channels = replace(channels, notes=(*channels.notes, note))
     if "l" in channels.values:
         check_length(channels.error, channels.values["l"])
     return unwrap(channels)
