@@ -19,12 +19,17 @@ class InputError(Exception):
 
 
 def quoted(text: str, limit: int = 40) -> str:
-    """Returns `text` in quotes, shortened to `limit` characters.
+    """Returns `text` in quotes, shortened to `limit` characters, control characters as escape sequences.
 
     >>> quoted("abc")
     "'abc'"
     """
-    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+    return repr(cut(text, limit))
+
+
+def cut(text: str, limit: int = 40) -> str:
+    """Returns `text`, shortened to `limit` characters."""
+    return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
 def listed(names: Iterable[object], limit: int = 8) -> str:

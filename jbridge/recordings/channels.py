@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from jbridge.errors import InputError, listed
+from jbridge.errors import InputError, cut, listed, quoted
 from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
-from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, labelled_column, near_column
+from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, labelled_columns, near_column, plain_column
 from jbridge.recordings.tables.table import Table
 
 TURN = 2 * np.pi
@@ -70,26 +70,33 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     for channel, values in raw.items():
         if values.size != times.size:
             raise InputError(
-                f"{path}, column {columns[channel].name}: {values.size} values, but {columns['t'].name} has"
+                f"{path}, column {cut(columns[channel].name)}: {values.size} values, but {cut(columns['t'].name)} has"
                 f" {times.size}; save vectors of one length"
             )
     used = {column.name for column in columns.values()}
     left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)
     others = {name: values for name, values in table.columns.items() if name not in used | left_out}
-    extras = {name: values for name, values in others.items() if values.size == times.size}
+    extras = {name: values for name, values in others.items() if values.size == times.size and name not in table.clocks}
     notes = list(table.notes)
+    if columns["t"].name in table.clocks:
+        notes.append(
+            f"Column {quoted(columns['t'].name)} has times of day, which are read as seconds from the first row."
+        )
     labelled = [name for name in columns if name not in declared.columns and columns[name].name != name]
     if labelled:
         notes.append(f"Units are those of the header: {', '.join(f'{n} in {columns[n].unit}' for n in labelled)}.")
-    if extras:
-        notes.append(f"Columns that are no channel are kept but not used: {listed(extras)}.")
-    if others.keys() - extras.keys():
-        skipped = [name for name in others if name not in extras]
-        notes.append(f"Vectors that differ from the time in length are left out: {listed(skipped)}.")
+    skipped = [name for name in others if name not in extras and name not in table.clocks]
+    if skipped:
+        notes.append(f"Vectors that differ from the time in length are left out: {listed(map(quoted, skipped))}.")
+    no_numbers = [name for name in table.faulty | table.clocks if name not in used | left_out]
+    if no_numbers:
+        notes.append(left_out_note(no_numbers))
     near = {
         channel: column
         for channel in CHANNELS
-        if channel not in columns and channel not in left_out and (column := near_column(channel, extras))
+        if channel not in columns
+        and channel not in left_out
+        and (column := near_column(channel, (*extras, *no_numbers)))
     }
     whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
     check_finite(whole.error, "t", times)
@@ -98,22 +105,39 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     for name, values in channels.values.items():
         check_finite(channels.error, name, values)
         check_size(channels.error, name, values)
-    for name, values in channels.extras.items():
-        check_finite(channels.error, name, values)
+    unknown = [name for name, values in channels.extras.items() if not np.isfinite(values).all()]
+    if unknown:
+        channels = replace(
+            channels,
+            extras={name: values for name, values in channels.extras.items() if name not in unknown},
+            notes=(*channels.notes, left_out_note(unknown)),
+        )
+    if channels.extras:
+        note = f"Columns that are no channel are kept but not used: {listed(map(quoted, channels.extras))}."
+        channels = replace(channels, notes=(*channels.notes, note))
     if "l" in channels.values:
         check_length(channels.error, channels.values["l"])
     return unwrap(channels)
 
 
+def left_out_note(names: list[str]) -> str:
+    return f"Columns that are no channel and do not hold numbers only are left out: {listed(map(quoted, names))}."
+
+
 def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Column]:
     """Returns the column of each channel that the file has; the time must be one of them."""
-    columns = {}
+    columns, faulty = {}, []
     for channel in CHANNELS:
         column = declared.column(channel)
         if column is None:
             continue
-        if channel not in declared.columns and channel not in table.columns:
-            column = labelled_column(channel, table.columns) or column
+        names = [*table.columns, *table.faulty]
+        if channel not in declared.columns:
+            column = header_column(table, channel, names) or column
+        if column.name in table.clocks and channel != "t":
+            raise table.clocks[column.name]
+        if column.name in table.faulty:
+            faulty.append(column.name)
         if column.name in table.columns:
             columns[channel] = column
         elif column.name in table.unusable:
@@ -121,25 +145,54 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
                 f"{path}, column {column.name}: {table.unusable[column.name]}, where a vector with a number"
                 f" per sample belongs; save it as one, or rename it"
             )
-        elif channel in declared.columns:
+        elif channel in declared.columns and column.name not in table.faulty:
             raise InputError(
                 f"{table.header}: no column {column.name}, which {declared.source} declares for {channel};"
-                f" the columns are {listed(table.columns)}"
+                f" the columns are {listed(map(quoted, table.columns))}"
             )
+    for name, error in table.faulty.items():
+        if name in faulty:
+            raise error
     if "t" not in columns:
         raise no_time(path, table)
+    if columns["t"].name in table.clocks and (columns["t"].unit, columns["t"].scale) != ("s", None):
+        raise InputError(
+            f"{table.header}, column {cut(columns['t'].name)}: times of day are read as seconds from the first row;"
+            f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under [columns] in"
+            f" {path.with_suffix('.toml').name}"
+        )
     return columns
+
+
+def header_column(table: Table, channel: str, names: list[str]) -> Column | None:
+    """Returns the column that a header gives a channel by its name, or by name and unit, if there is one.
+
+    Raises:
+        InputError: there are two.
+    """
+    found = [plain_column(channel)] if channel in names else []
+    found += labelled_columns(channel, names)
+    if len(found) > 1:
+        one, other = (quoted(column.name) for column in found[:2])
+        raise InputError(
+            f"{table.header}: columns {one} and {other} are both {channel}; delete or rename one, or declare"
+            f" {found[0].line(channel)} under [columns] in {Path(table.path).with_suffix('.toml').name}"
+        )
+    return found[0] if found else None
 
 
 def no_time(path: Path, table: Table) -> InputError:
     """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
-    if table.columns:
-        meant = near_column("t", table.columns)
+    names = [*table.columns, *table.faulty]
+    if names:
+        meant = near_column("t", names)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         sidecar = path.with_suffix(".toml").name
-        found, remedy = listed(table.columns), f"rename one, or map it in {sidecar}: [columns] {line}"
+        found, remedy = listed(map(quoted, names)), f"rename one, or map it in {sidecar}: [columns] {line}"
         return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
-    held = ", ".join(f"{name} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"
+    held = (
+        ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"
+    )
     return InputError(
         f"{table.header}: no column t for the time; {held}; save each signal as a vector, in MATLAB t = data(1, :);"
         f" x = data(2, :); save('{path.stem}_v7.mat', 't', 'x', '-v7')"

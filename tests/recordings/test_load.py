@@ -45,7 +45,7 @@ def test_extra_columns_are_kept(write, columns):
     recording = load_recording(write({**columns, "x_ref": 2 * columns["x"], "current": 0 * columns["x"]}))
     assert recording.extras.keys() == {"x_ref", "current"}
     np.testing.assert_array_equal(recording.extras["x_ref"], 2 * columns["x"])
-    assert any("x_ref, current" in note for note in recording.notes)
+    assert any("'x_ref', 'current'" in note for note in recording.notes)
 
 
 @pytest.mark.parametrize(

@@ -140,7 +140,7 @@ def with_bad(columns, name, sample, value):
 
 
 REFUSED = {
-    "no t": (lambda c: {"time": c["t"], "x": c["x"]}, ["no column t", "time, x", "run.toml"]),
+    "no t": (lambda c: {"time": c["t"], "x": c["x"]}, ["no column t", "'time', 'x'", "run.toml"]),
     "nothing": (lambda c: {"note": "hello"}, ["no column t", "note is no array of numbers", "'-v7'"]),
     "x without u_x": (lambda c: {"t": c["t"], "x": c["x"]}, ["no u_x", "zeros"]),
     "nan": (lambda c: with_bad(c, "x", 11, np.nan), ["row 12", "column x", "NaN", "delete the row"]),

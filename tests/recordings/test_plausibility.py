@@ -84,3 +84,11 @@ def test_no_real_rig_is_doubted(monkeypatch):
     for rig in run.rigs().values():
         for piece in (*rig["train"], *rig.get("holdout", ())):
             run.load(rig, piece)
+
+
+def test_no_number_is_too_small(recwarn):
+    """An angle that underflows is read without a warning that reaches the user."""
+    t = np.arange(0, 40, 0.1)
+    u = np.sin(t)
+    assert not runs_backwards(t, u, (t, 0.5 + 0.1 * np.sin(t / 3)), (t, 5e-322 * np.sin(t)))
+    assert not list(recwarn)

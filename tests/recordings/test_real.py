@@ -133,7 +133,7 @@ def test_degrees_are_refused(write, name):
 
 
 def test_a_table_without_time_is_no_recording():
-    with pytest.raises(InputError, match=r"no column t for the time; the columns are x, f_pos_dir, f_neg_dir"):
+    with pytest.raises(InputError, match=r"no column t for the time; the columns are 'x', 'f_pos_dir', 'f_neg_dir'"):
         load_recording(BELT / "published_friction_table.csv")
 
 

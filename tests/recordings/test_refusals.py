@@ -54,7 +54,7 @@ REFUSED = {
     "a quoted decimal comma": (replaced(9, 3, '"0,25"'), ["row 9", "column x", "0,25", "decimal points"]),
     "no t": (
         line_replaced(1, lambda line: line.replace("t,", "time,", 1)),
-        ["row 1", "no column t", "time, u_x", "run.toml", "[columns]"],
+        ["row 1", "no column t", "'time', 'u_x'", "run.toml", "[columns]"],
     ),
     "x without u_x": (
         line_replaced(1, lambda line: line.replace("u_x", "voltage")),

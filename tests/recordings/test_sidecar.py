@@ -205,7 +205,7 @@ REFUSED = {
     "unknown key of a column": ("[columns]\nx = {name = 'cart'}", ["[columns], x", "unknown key 'name'"]),
     "column is a number": ("[columns]\nx = 3", ["[columns]", "x must be", "'3'"]),
     "column name is a number": ("[columns]\nx = {column = 3}", ["[columns], x", "column must be", "'3'"]),
-    "no such column": ("[columns]\nx = 'cart'", ["row 1", "no column cart", "run.toml", "t, u_x, u_l"]),
+    "no such column": ("[columns]\nx = 'cart'", ["row 1", "no column cart", "run.toml", "'t', 'u_x', 'u_l'"]),
     "time left out": ("[columns]\nt = false", ["[columns]", "t must be"]),
     "unknown unit": ("[columns]\nx = {unit = 'inch'}", ["[columns], x", "unknown unit 'inch'", "mm, um"]),
     "unit of another quantity": ("[columns]\npsi = {unit = 'mm'}", ["unknown unit 'mm'", "rad, deg"]),

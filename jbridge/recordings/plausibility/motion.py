@@ -10,7 +10,7 @@ called wrong only if it leaves four times the squared error (`WORSE`), and if th
 motion that both signs explain alike.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,8 +118,8 @@ def certainly_better(errors: np.ndarray, other: np.ndarray, worse: float = WORSE
 class Misread:
     """How cart and angle would have to be read for the load's equation to hold."""
 
-    unit: str = ""
-    """Of the cart's position, where it is not the declared one."""
+    factor: float = 1.0
+    """By which the cart's position is too small, where its unit is not the declared one."""
     turned: bool = False
     """Whether the angle, or the position, has the other sign."""
 
@@ -145,11 +145,13 @@ def swing_errors(cells: Cells, factor: float) -> np.ndarray:
     return min(of_zeros, key=lambda left: float(np.sum(left**2)))
 
 
-def misread_swing(times: np.ndarray, psi: Samples, x: Samples | None, l: Samples) -> Misread | None:
+def misread_swing(
+    times: np.ndarray, psi: Samples, x: Samples | None, l: Samples, factors: Collection[float] = (1.0, 0.01, 0.001)
+) -> Misread | None:
     """Returns how cart and angle would have to be read for the load's equation to hold, if that is certain.
 
     Each channel comes as times [s] and values of its samples; `x` is None for a fixed cart. What may be right as it
-    was read gives None.
+    was read gives None. `factors`, 1 among them, are those by which a position in another unit may be too small.
     """
     if x is None:
         return None
@@ -157,8 +159,8 @@ def misread_swing(times: np.ndarray, psi: Samples, x: Samples | None, l: Samples
     if cells is None:
         return None
     readings = {
-        Misread(unit, turned): swing_errors(cells, -size if turned else size)
-        for unit, size in {"": 1.0, "cm": 0.01, "mm": 0.001}.items()
+        Misread(factor, turned): swing_errors(cells, -factor if turned else factor)
+        for factor in factors
         for turned in (False, True)
     }
     best = min(readings, key=lambda reading: float(np.sum(readings[reading] ** 2)))
@@ -222,8 +224,8 @@ def against_and_with(
     u = cells.middle("u")
     for delay in LATE:
         parts = np.stack([u[late - delay : u.size - delay][chosen], *others], axis=1)
-        scale = np.maximum(np.sqrt(np.mean(parts**2, axis=0)), 1e-300)
-        triangle = np.asarray(np.linalg.qr(np.column_stack([parts / scale, wanted]), mode="r"))
+        parts /= np.maximum(np.abs(parts).max(axis=0), 1e-300)  # no square, and no factor, leaves the range of numbers
+        triangle = np.asarray(np.linalg.qr(np.column_stack([parts, wanted]), mode="r"))
         count = parts.shape[1]
         for against in (True, False) if delay in LATE_AGAINST else (False,):
             way = np.ones(count)
@@ -233,7 +235,7 @@ def against_and_with(
             found, _ = nnls(np.column_stack([both, -both[:, count - len(free) - 1 :]]), triangle[:, count])
             factors = found[:count]
             factors[count - len(free) - 1 :] -= found[count:]
-            errors = wanted - parts @ (way * factors / scale)
+            errors = wanted - parts @ (way * factors)
             if against not in left or np.sum(errors**2) < np.sum(left[against] ** 2):
                 left[against] = errors
     return left[True], left[False]

@@ -17,27 +17,27 @@ def place(channels: Channels) -> str:
     return f"under [columns] in {channels.sidecar}"
 
 
-def refusal(channels: Channels, channel: str, what: str, *, unit: str = "", turned: bool = False) -> InputError:
+def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0, turned: bool = False) -> InputError:
     """Returns the refusal of a channel, with the line that declares it otherwise.
 
     Args:
         channels: of the recording.
         channel: the one to blame.
         what: shows it.
-        unit: of what was read, if that is taken for SI now.
+        factor: by which what was read is too small in SI units, where its unit is another one.
         turned: whether the sign is the other one.
     """
     column = channels.columns[channel]
     sizes = UNITS[channel]
-    if unit and column.scale is not None:
-        mended = replace(column, scale=column.scale * sizes[unit])
-    elif unit:
-        size = sizes[column.unit] * sizes[unit]
+    if factor != 1 and column.scale is not None:
+        mended = replace(column, scale=column.scale * factor)
+    elif factor != 1:
+        size = sizes[column.unit] * factor
         mended = replace(column, unit=min(sizes, key=lambda name: abs(np.log(sizes[name] / size))))
     else:
         mended = replace(column, sign=-column.sign if turned else column.sign)
     message = f"{what}; declare {mended.line(channel)} {place(channels)}{FORCE}"
-    if unit:
+    if factor != 1:
         values = channels.values[channel]
         return channels.error(int(np.abs(values - np.median(values)).argmax()), channel, message)
     return InputError(f"{channels.table.path}, column {column.name}: {message}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import isclose
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from jbridge.recordings.plausibility.motion import (
 )
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
 from jbridge.recordings.recording import MEASURED, Recording
+from jbridge.recordings.tables.columns import UNITS
 
 HOLDS = 0.1
 """Share of the forces' mean square up to which an equation holds; those of measured rigs leave 0.1 to 26 %, and
@@ -41,9 +43,9 @@ def doubtful_signs(
     if x is not None and psi is not None and l is not None and is_swapped(times, psi, x, l):
         yield exchange(channels, "x", "psi")
         return
-    swing = None if psi is None or l is None else misread_swing(times, psi, x, l)
-    if swing is not None and swing.unit:
-        yield refusal(channels, "x", "the cart moves too far for the swing of its load", unit=swing.unit)
+    swing = None if psi is None or x is None or l is None else misread_swing(times, psi, x, l, unit_factors(channels))
+    if swing is not None and swing.factor != 1:
+        yield contradicted_unit(channels, swing.factor)
         return
     swapped = list(exchanged_axes(channels, samples))
     if swapped:
@@ -59,6 +61,25 @@ def doubtful_signs(
         yield refusal(channels, "psi", "the load swings to where the cart accelerates, against gravity", turned=True)
     if "l" in samples and "u_l" in values and runs_backwards(times, values["u_l"], samples["l"], None):
         yield refusal(channels, "u_l", "the rope's length moves against it at every delay", turned=True)
+
+
+def unit_factors(channels: Channels) -> set[float]:
+    """Returns by what the position may be too small in comparison with the angle, if the unit of either is wrong."""
+    x, psi = channels.columns["x"], channels.columns["psi"]
+    sizes = UNITS["x"].values()
+    found = {1.0, 0.01, 0.001} if x.scale is not None else {size / UNITS["x"][x.unit] for size in sizes}
+    if psi.scale is None:
+        found.add(UNITS["psi"][psi.unit])
+    return {factor for factor in found if 0.9e-3 < factor < 1.1e3}
+
+
+def contradicted_unit(channels: Channels, factor: float) -> InputError:
+    """Returns the refusal of a cart and a load of which one moves too far for the other."""
+    psi = channels.columns["psi"]
+    if psi.scale is None and psi.unit != "rad" and isclose(factor, UNITS["psi"][psi.unit]):
+        return refusal(channels, "psi", "the load swings too little for the way of its cart", factor=1 / factor)
+    how = "far" if factor < 1 else "little"
+    return refusal(channels, "x", f"the cart moves too {how} for the swing of its load", factor=factor)
 
 
 def exchanged_axes(channels: Channels, samples: Mapping[str, Samples]) -> Iterator[InputError]:

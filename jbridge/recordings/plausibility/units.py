@@ -8,15 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from jbridge.errors import InputError, listed
+from jbridge.errors import InputError, cut, listed
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
 from jbridge.recordings.plausibility.motion import CELL, swing_cells, swing_errors
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
-from jbridge.recordings.tables.columns import UNITS, plain_column
+from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
+SMALLEST = 1e-3
+"""Way of a driven cart [m] below which a header's unit is doubted."""
+FASTEST = 50e-6
+"""Time between rows [s] below which the unit of the time is doubted."""
 LEAP, SLIP = 0.5, 0.01
 """Share of a position's range through which no cart moves from one row to the next, and shortest time [s] that is
 counted for that, so that noise between close rows is no motion."""
@@ -66,12 +70,15 @@ def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
 
 
 def doubtful_units(channels: Channels) -> Iterator[InputError]:
-    """Yields the refusals of times, positions and lengths that are too large for seconds and metres."""
+    """Yields the refusals of times, positions and lengths that are too large or small for seconds and metres."""
     times = channels.values["t"]
     step = float(np.median(np.diff(times)))
     if step > SLOWEST:
-        unit = "ms" if 1e-3 * step <= SLOWEST else "us"
-        yield refusal(channels, "t", f"a row every {step:.4g} s is too slow for a swing", unit=unit)
+        factor = 1e-3 if 1e-3 * step <= SLOWEST else 1e-6
+        yield refusal(channels, "t", f"a row every {step:.4g} s is too slow for a swing", factor=factor)
+        return
+    if step < FASTEST:
+        yield refusal_of_steps(channels, step)
         return
     jumps = list(doubtful_jumps(channels))
     if jumps:
@@ -90,8 +97,33 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
             if size <= LONGEST:
                 what = f"{speed:.3g} m/s is faster than any cart"
             # Rails and ropes of laboratories have some decimetres to a few metres.
-            unit = "cm" if size < 200 else "mm" if size < 20_000 else "um"
-            yield refusal(channels, name, what, unit=unit)
+            factor = 1e-2 if size < 200 else 1e-3 if size < 20_000 else 1e-6
+            yield refusal(channels, name, what, factor=factor)
+        elif name == "x" and 0 < size < SMALLEST:
+            yield from doubtful_rest(channels, size)
+
+
+def refusal_of_steps(channels: Channels, step: float) -> InputError:
+    """Returns the refusal of times that follow each other too closely [s], with the unit that mends it, if one does."""
+    column = channels.columns["t"]
+    what = f"a row every {step:.3g} s is more often than any log of a rig"
+    for factor in (1e3, 1e6):
+        named = column.scale is not None or UNITS["t"][column.unit] * factor < 1.1
+        if named and FASTEST <= factor * step <= SLOWEST:
+            return refusal(channels, "t", what, factor=factor)
+    return InputError(f"{channels.table.path}, column {cut(column.name)}: {what}; give the time in s{FORCE}")
+
+
+def doubtful_rest(channels: Channels, way: float) -> Iterator[InputError]:
+    """Yields the refusal of a driven cart that hardly moves [m], if a larger unit than the header's makes it do so."""
+    column = channels.columns["x"]
+    u = channels.values.get("u_x")
+    if u is None or np.ptp(u) == 0 or column not in labelled_columns("x", [column.name]):
+        return
+    size = UNITS["x"][column.unit]
+    factor = max(other / size for other in UNITS["x"].values() if way * other / size <= LONGEST / 10)
+    if factor > 1:
+        yield refusal(channels, "x", f"{1e3 * way:.2g} mm are no way for a cart that is driven", factor=factor)
 
 
 def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
@@ -126,7 +158,7 @@ def doubtful_angle(channels: Channels, locked_length: float | None) -> Iterator[
         far = float(np.abs(values["psi"] - np.median(values["psi"])).max())
         unit, called = unit_of_angle(values["t"], values["psi"], values.get("x"), length, excess)
         what = f"a swing of {far:.4g} rad, {excess:.0f} times as fast as gravity and the cart can make it"
-        yield refusal(channels, "psi", f"{what}, is in {called}", unit=unit)
+        yield refusal(channels, "psi", f"{what}, is in {called}", factor=UNITS["psi"][unit])
 
 
 def unit_of_angle(

@@ -116,20 +116,21 @@ def plain_column(channel: str) -> Column:
     return Column(channel, next(iter(UNITS[channel])))
 
 
-def labelled_column(channel: str, names: Iterable[str]) -> Column | None:
-    """Returns the column whose name is a channel's and a unit, which says all that a declaration would.
+def labelled_columns(channel: str, names: Iterable[str]) -> list[Column]:
+    """Returns the columns whose name is a channel's and a unit, which says all that a declaration would.
 
-    >>> labelled_column("x", ["t [s]", "x [mm]"])
-    Column(name='x [mm]', unit='mm', sign=1.0, offset=0.0, scale=None, radius=None)
+    >>> labelled_columns("x", ["t [s]", "x [mm]"])
+    [Column(name='x [mm]', unit='mm', sign=1.0, offset=0.0, scale=None, radius=None)]
     """
+    found = []
     for name in names:
         match = re.fullmatch(rf"{channel}\s*(?:\[(.+)\]|\((.+)\)|/\s*(.+))", name.strip())
         if match:
             unit = next(filter(None, match.groups())).strip()
             unit = unit if unit in UNITS[channel] else SPELLINGS.get(unit.lower(), unit)
             if unit in UNITS[channel] and (unit != "count" or channel in GAINS):
-                return Column(name, unit)
-    return None
+                found.append(Column(name, unit))
+    return found
 
 
 def near_column(channel: str, names: Iterable[str]) -> Column | None:

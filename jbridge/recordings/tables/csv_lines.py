@@ -3,6 +3,7 @@
 Lines are blanked rather than removed, so that each keeps its number, and every rewriting is reported in a sentence.
 """
 
+import csv
 import re
 from pathlib import Path
 
@@ -11,8 +12,11 @@ from jbridge.recordings.tables.columns import SPELLINGS, UNITS
 
 STAMP = re.compile(r"\s*\d{1,2}:\d\d:\d\d(?:\.\d+)? -> ")
 """What a serial monitor that shows times puts before each line."""
-COMMENT = re.compile(r"\s*(?:[#%]|//)(?!(?:DIV/0!|VALUE!|REF!|NAME\?|NUM!|NULL!|N/A|WERT!|NV))")
-"""Start of a line of comment; what a spreadsheet writes for an error in a formula is none."""
+COMMENT = re.compile(r"\s*(?:[#%]|//)")
+"""Start of a line of comment, and of what a spreadsheet writes for an error in a formula."""
+WITH_COMMA = re.compile(r"[\d:]+(?:,\d+)+(?:[eE][-+]?\d+)?")
+"""A number, or a time of day, with decimal comma or separators of thousands."""
+THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
 NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 """Separators other than commas."""
 KNOWN_UNITS = {*SPELLINGS, *(unit for units in UNITS.values() for unit in units), "-", "1", ""}
@@ -51,21 +55,41 @@ def drop_stamps(lines: list[str]) -> tuple[str, ...]:
 
 
 def drop_comments(lines: list[str]) -> tuple[str, ...]:
-    """Blanks lines of comment; the last one before a table without header names its columns, if there is one."""
-    comments = [number for number, line in enumerate(lines) if COMMENT.match(line)]
+    """Blanks lines of comment; the last one before a table without header names its columns, if there is one.
+
+    Below the header, what has as many cells as it is a row, be it that it begins with an error such as `#N/A`.
+    """
+    filled = filled_lines(lines)
+    comments = [number for number in filled if COMMENT.match(lines[number])]
     if not comments:
         return ()
-    first = next((number for number in filled_lines(lines) if number not in set(comments)), len(lines))
+    marked = set(comments)
+    rest = [number for number in filled if number not in marked]
+    first = rest[0] if rest else len(lines)
     before = [number for number in comments if number < first]
-    if before and first < len(lines) and starts_with_number(lines[first]):
-        lines[before[-1]] = re.sub(r"^\s*(?:[#%]+|//+)\s*", "", lines[before[-1]])
-        comments.remove(before[-1])
-    for number in comments:
+    if before and rest and starts_with_number(lines[first]):
+        first = before.pop()
+        lines[first] = re.sub(r"^\s*(?:[#%]+|//+)\s*", "", lines[first])
+        rest.insert(0, first)
+    if rest:
+        separator = separator_of(lines[first], [lines[number] for number in rest[1:]])
+        width = len(cells_of(lines[first], separator))
+        below = [number for number in comments if number > first]
+        before += [number for number in below if width == 1 or len(cells_of(lines[number], separator)) != width]
+    for number in before:
         lines[number] = ""
-    if not comments:
+    if not before:
         return ()
-    many = "line" if len(comments) == 1 else "lines"
-    return (f"{len(comments)} {many} of comment, row {comments[0] + 1} the first, are left out.",)
+    many = "line" if len(before) == 1 else "lines"
+    return (f"{len(before)} {many} of comment, row {before[0] + 1} the first, are left out.",)
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Returns the cells of a line; what is no separated text is one."""
+    try:
+        return next(csv.reader([line.strip()], delimiter=separator, skipinitialspace=True))
+    except csv.Error:
+        return [line]
 
 
 def starts_with_number(line: str) -> bool:
@@ -75,10 +99,11 @@ def starts_with_number(line: str) -> bool:
 def use_commas(path: Path, lines: list[str]) -> tuple[str, ...]:
     """Puts commas in the place of other separators, and points in that of decimal commas.
 
-    Decimal commas are taken for such only where no number has a point, since `1.234,5` leaves open what each means.
+    Decimal commas are taken for such only where no number has a point, since `1.234,5` leaves open what each means,
+    and where they cannot all be separators of thousands, as in `1,600`.
 
     Raises:
-        InputError: points and commas are mixed.
+        InputError: points and commas are mixed, or it is open what a comma means.
     """
     filled = filled_lines(lines)
     if not filled:
@@ -95,6 +120,8 @@ def use_commas(path: Path, lines: list[str]) -> tuple[str, ...]:
         raise InputError(
             f"{path}, row {number + 1}: decimal commas among numbers with points; export with decimal points alone"
         )
+    if commas:
+        refuse_thousands(path, lines, header, separator, commas)
     for number in filled:
         line = lines[number]
         if separator == ",":
@@ -105,6 +132,19 @@ def use_commas(path: Path, lines: list[str]) -> tuple[str, ...]:
         lines[number] = line
     notes = (f"The columns are separated by {NAMES[separator]}.",) if separator != "," else ()
     return (*notes, "The numbers have decimal commas.") if commas else notes
+
+
+def refuse_thousands(path: Path, lines: list[str], header: str, separator: str, commas: list[str]) -> None:
+    """Raises the InputError for the first of a file's numbers with commas if each may have separators of thousands."""
+    names, rows = cells_of(header, separator), (cells_of(line, separator) for line in commas)
+    if all(THOUSANDS.fullmatch(number) for row in rows for cell in row for number in WITH_COMMA.findall(cell)):
+        cells = cells_of(commas[0], separator)
+        place = next((place for place, cell in enumerate(cells) if WITH_COMMA.search(cell)), 0)
+        raise InputError(
+            f"{path}, row {lines.index(commas[0]) + 1}, column {names[place] if place < len(names) else place + 1}:"
+            f" {quoted(cells[place])} has a decimal comma or one between thousands, which the file leaves open; export"
+            " without separators of thousands and with decimal points"
+        )
 
 
 def separator_of(header: str, body: list[str]) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from jbridge._files import replace_text
-from jbridge.errors import InputError, listed, quoted
+from jbridge.errors import InputError, cut, listed, quoted
 from jbridge.recordings.tables.clock import LIKE_A_DATE, clock_seconds, is_clock
 from jbridge.recordings.tables.csv_lines import filled_lines, refuse_no_header, to_plain_table
 from jbridge.recordings.tables.table import Table
@@ -44,18 +44,19 @@ def read_csv(path: Path, content: bytes) -> Table:
         raise InputError(f"{path}, row {filled[0] + 1}: only a header, no samples; record the run again")
     body = [lines[number] for number in filled[1:]]
     rows = np.array(filled[1:]) + 1
+    faulty: dict[str, InputError] = {}
+    clocks: dict[str, InputError] = {}
     matrix = parse_fast(body, len(header))
     if matrix is None:
         cells = [split(path, row, line) for row, line in zip(rows.tolist(), body, strict=True)]
-        notes += read_clocks(header, cells)
-        matrix = parse_carefully(path, header, cells, rows)
-    matrix = np.ascontiguousarray(matrix.T)
+        columns, faulty, clocks = parse_carefully(path, header, cells, rows)
+    else:
+        columns = dict(zip(header, np.ascontiguousarray(matrix.T), strict=True))
     if not header[0]:
-        if np.any(np.diff(matrix[0]) != 1):
+        if "" not in columns or np.any(np.diff(columns.pop("")) != 1):
             raise unnamed(path, filled[0] + 1, 0)
         notes += ("The first column has no name and numbers the rows; it is left out.",)
-    columns = {name: values for name, values in zip(header, matrix, strict=True) if name}
-    return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, notes=notes)
+    return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, faulty=faulty, clocks=clocks, notes=notes)
 
 
 def decode(path: Path, content: bytes) -> str:
@@ -104,9 +105,11 @@ def read_header(path: Path, lines: list[str], filled: list[int]) -> list[str]:
     for place, name in enumerate(names):
         if not name and place:
             raise unnamed(path, row, place)
+        if not name.isprintable():
+            raise InputError(f"{path}, row {row}, column {quoted(name)}: the name has control characters; rename it")
         if name in names[:place]:
             raise InputError(
-                f"{path}, row {row}, column {name}: the name is there twice, as column"
+                f"{path}, row {row}, column {cut(name)}: the name is there twice, as column"
                 f" {names.index(name) + 1} and {place + 1}; rename or delete one"
             )
     return names
@@ -142,50 +145,63 @@ def parse_fast(body: list[str], width: int) -> np.ndarray | None:
     return matrix if matrix.shape == (len(body), width) else None
 
 
-def read_clocks(header: list[str], cells: list[list[str]]) -> tuple[str, ...]:
-    """Puts seconds in the place of times of day, where the first row has one; returns a sentence for each column."""
-    notes = []
+def parse_carefully(
+    path: Path, header: list[str], cells: list[list[str]], rows: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, InputError], dict[str, InputError]]:
+    """Returns the columns of numbers and of times of day, and the refusals that `Table` keeps: of columns in which a
+    cell can be read as neither, and of those with times of day where numbers belong.
+
+    Raises:
+        InputError: a row has more or fewer cells than the header.
+    """
+    faults = [fault_of_row(row, header) for row in cells]
+    if any(faults):
+        raise refuse_cell(path, "", rows, faults)
+    columns, clocks = {}, {}
+    found: list[tuple[int, str, InputError]] = []
     for place, name in enumerate(header):
-        if len(cells[0]) == len(header) and is_clock(cells[0][place]):
-            there = [row for row in cells if len(row) == len(header)]
-            for row, seconds in zip(there, clock_seconds([row[place] for row in there]), strict=True):
-                row[place] = seconds
-            notes.append(f"Column {name} has times of day, which are read as seconds from the first row.")
-    return tuple(notes)
+        column = [row[place] for row in cells]
+        where = f", column {cut(name)}"
+        values: list[float | None] = [float(cell) if is_number(cell) else None for cell in column]
+        if is_clock(column[0]):
+            no_numbers = [None if is_number(cell) else describe_cell(cell.strip(), name) for cell in column]
+            clocks[name] = refuse_cell(path, where, rows, no_numbers)
+            values = clock_seconds(column)
+        faults = [
+            describe_cell(cell.strip(), name) if value is None else None
+            for cell, value in zip(column, values, strict=True)
+        ]
+        if any(faults):
+            first = next(index for index, fault in enumerate(faults) if fault)
+            found.append((first, name, refuse_cell(path, where, rows, faults)))
+        else:
+            columns[name] = np.array(values, dtype=np.float64)
+    return columns, {name: error for _, name, error in sorted(found, key=lambda each: each[0])}, clocks
 
 
-def parse_carefully(path: Path, header: list[str], cells: list[list[str]], rows: np.ndarray) -> np.ndarray:
-    """Returns the rows as numbers, or refuses the first cell that is none or row of another length."""
-    matrix = np.empty((len(cells), len(header)))
-    faults = [fault_of(row, header) for row in cells]
-    first = next((index for index, fault in enumerate(faults) if fault is not None), None)
-    if first is None:
-        matrix[:] = [[float(cell) for cell in row] for row in cells]
-        return matrix
-    place, problem, remedy = faults[first] or ("", "", "")
-    alike = sum(fault is not None and fault[0] == place for fault in faults)
-    if alike > len(cells) / 2:  # not to be mended row by row
-        problem += f", and so in {alike} of {len(cells)} rows"
+def refuse_cell(path: Path, where: str, rows: np.ndarray, faults: list[tuple[str, str] | None]) -> InputError:
+    """Returns the refusal of the first row with a fault: what is wrong and what to do."""
+    first, (problem, remedy) = next((index, fault) for index, fault in enumerate(faults) if fault is not None)
+    alike = sum(fault is not None for fault in faults)
+    if alike > len(faults) / 2:  # not to be mended row by row
+        problem += f", and so in {alike} of {len(faults)} rows"
         remedy = remedy.replace("correct or delete the row", "export plain numbers, one to a column")
-    raise InputError(f"{path}, row {rows[first]}{place}: {problem}; {remedy}")
+    return InputError(f"{path}, row {rows[first]}{where}: {problem}; {remedy}")
 
 
-def fault_of(cells: list[str], header: list[str]) -> tuple[str, str, str] | None:
-    """Returns in which column a row is wrong, as messages say it, what is, and what to do; None where it is right."""
-    if len(cells) != len(header):
-        if not any(map(is_number, cells)):
-            return "", f"{quoted(','.join(cells))} is text among the numbers", "delete the row"
-        remedy = "correct or delete the row"
-        if len(cells) > len(header):
-            remedy += "; if its extra commas are decimal commas, export with decimal points"
-        return "", f"{len(cells)} cells for {len(header)} columns", remedy
-    for name, cell in zip(header, cells, strict=True):
-        if not is_number(cell):
-            return f", column {name}", *describe(cell.strip(), name)
-    return None
+def fault_of_row(cells: list[str], header: list[str]) -> tuple[str, str] | None:
+    """Returns what is wrong with the length of a row, and what to do; None where it is right."""
+    if len(cells) == len(header):
+        return None
+    if not any(map(is_number, cells)):
+        return f"{quoted(','.join(cells))} is text among the numbers", "delete the row"
+    remedy = "correct or delete the row"
+    if len(cells) > len(header):
+        remedy += "; if its extra commas are decimal commas, export with decimal points"
+    return f"{len(cells)} cells for {len(header)} columns", remedy
 
 
-def describe(cell: str, name: str) -> tuple[str, str]:
+def describe_cell(cell: str, name: str) -> tuple[str, str]:
     """Returns what is wrong with a cell that is no number, and what to do."""
     if not cell:
         return "the cell is empty", "delete the row, since a gap is a missing row"
@@ -195,7 +211,9 @@ def describe(cell: str, name: str) -> tuple[str, str]:
         return f"{quoted(cell)} has a decimal comma", "export with decimal points"
     if LIKE_A_DATE.fullmatch(cell):
         remedy = "export seconds, or times such as 2024-03-05 14:03:59.500"
-        return f"{quoted(cell)} is a date or a time of day", remedy
+        return f"{quoted(cell)} is a date or a time of day, not a number or a time that can be read", remedy
+    if is_number(cell):
+        return f"{quoted(cell)} is no time of day as in the first row", "correct or delete the row"
     return f"{quoted(cell)} is text, not a number", "correct or delete the row"
 
 

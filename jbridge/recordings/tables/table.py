@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, cut
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,13 @@ class Table:
     """Each sample's line in the file, the header being 1, or its number in the vectors of a .mat."""
     unusable: dict[str, str] = field(default_factory=dict)
     """Names in the file that are not columns of numbers, and what they are instead."""
+    faulty: dict[str, InputError] = field(default_factory=dict)
+    """Columns in which a cell cannot be read, in the order of their first such rows, each with its refusal."""
+    clocks: dict[str, InputError] = field(default_factory=dict)
+    """Columns with times of day, which are seconds here, each with its refusal where it is not the time."""
     notes: tuple[str, ...] = ()
     """What was assumed about how the file writes numbers, each one sentence."""
 
     def error(self, sample: int, column: str, problem: str) -> InputError:
         """Returns the refusal of one number: file, row and column, what is wrong and what to do."""
-        return InputError(f"{self.path}, row {self.row_numbers[sample]}, column {column}: {problem}")
+        return InputError(f"{self.path}, row {self.row_numbers[sample]}, column {cut(column)}: {problem}")

@@ -1,0 +1,195 @@
+"""Files whose numbers could be read as others than they are: each is refused, or read as what it says."""
+
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jbridge.errors import InputError
+from jbridge.recordings import load_recording
+from jbridge.recordings.tables.csv_lines import drop_comments
+from jbridge.recordings.tables.csv_table import read_csv
+
+
+def read(tmp_path, text):
+    return read_csv(tmp_path / "run.csv", text.encode())
+
+
+def problem(tmp_path, text):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t;x\n0;998\n1;1,600\n2;1,612\n",
+        't,x\n0,998\n1,"1,600"\n2,"1,612"\n',
+        "t;x\n0;-1,600\n1;12,600\n",
+        "t\tx\n0\t900\n1\t1,600\n",
+    ],
+)
+def test_commas_that_may_separate_thousands_are_refused(tmp_path, text):
+    message = problem(tmp_path, text)
+    assert "column x" in message and "export without separators of thousands" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "x"),
+    [
+        ("t;x\n0;0,600\n1;1,600\n", [0.6, 1.6]),
+        ("t;x\n0,5;1,612\n1,5;1,600\n", [1.612, 1.6]),
+        ('t,x\n0,"1,60"\n1,"1,612"\n', [1.6, 1.612]),
+        ("t;x\n14:03:59,123;1,600\n14:03:59,223;1,612\n", [1.6, 1.612]),
+    ],
+)
+def test_commas_that_are_decimal_are_read(tmp_path, text, x):
+    np.testing.assert_array_equal(read(tmp_path, text).columns["x"], x)
+
+
+@pytest.mark.parametrize("cell", ["#ZAHL!", "#N/A", "#BEZUG!", "#VALUE!"])
+def test_an_error_of_a_spreadsheet_is_no_comment(tmp_path, cell):
+    for separator in ",;\t":
+        table = read(tmp_path, f"t,x\n0,1\n{cell},2\n2,3\n".replace(",", separator))
+        assert "row 3, column t" in str(table.faulty["t"])
+
+
+def test_comments_of_other_widths_are_left_out(tmp_path):
+    table = read(tmp_path, "# rig 3, May\nt,x\n0,1\n# stop\n1,2\n% a, b, c\n")
+    np.testing.assert_array_equal(table.columns["x"], [1, 2])
+    np.testing.assert_array_equal(table.row_numbers, [3, 5])
+
+
+def test_many_comments_take_no_longer_each(tmp_path):
+    def seconds(count):
+        lines = ["# a"] * count + ["t,x", "0,1"]
+        start = time.process_time()
+        drop_comments(lines)
+        return time.process_time() - start
+
+    assert seconds(40_000) < 40 * max(seconds(4_000), 0.002)
+
+
+RECORDED = Path(__file__).parent / "whole_bridge.csv"
+ROWS = [f"{t / 100:.2f},{np.sin(t / 30):.6f}" for t in range(400)]
+
+
+def recording_of(tmp_path, header, cells, sidecar="[columns]\nx = false\n"):
+    """Returns the recording of a pendulum with a further column."""
+    path = tmp_path / "run.csv"
+    rows = [f"{row},0.7,{cell}" for row, cell in zip(ROWS, cells, strict=True)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    path.with_suffix(".toml").write_text(sidecar)
+    return load_recording(path)
+
+
+def test_a_time_of_day_is_no_angle(tmp_path):
+    clock = [f"0:00:{t / 100:.2f}" for t in range(400)]
+    with pytest.raises(InputError, match=r"row 2, column psi: '0:00:0.00' .*not a number"):
+        recording_of(tmp_path, "t,u,l,psi", clock, "[columns]\nx = false\n")
+    recording = recording_of(tmp_path, "t,psi,l,clock", clock)
+    assert "clock" not in recording.extras
+    assert any("'clock'" in note and "left out" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("cells", "row"),
+    [
+        (["99:99:99.0", "99:99:99.5"], 2),
+        (["24:00:00.0", "24:00:00.5"], 2),
+        (["14:00:01.0", "14:60:00.5"], 3),
+        (["14:00:01.0", "2.0", "14:00:03.0"], 3),
+        (["2024-03-05 14:00:00", "14:00:01.0"], 3),
+        (["2024-03-05 14:00:00", "2024-03-05 14:00:00+01:00"], 3),
+    ],
+)
+def test_what_is_no_time_of_day_is_refused(tmp_path, cells, row):
+    table = read(tmp_path, "t,x\n" + "".join(f"{cell},1\n" for cell in cells))
+    assert "t" not in table.columns
+    assert f"row {row}, column t" in str(table.faulty["t"])
+
+
+def test_dates_with_offsets_are_compared_in_utc(tmp_path):
+    cells = ["2024-03-31T01:59:59+01:00", "2024-03-31T03:00:00+02:00", "2024-03-31T01:00:01Z"]
+    table = read(tmp_path, "t,x\n" + "".join(f"{cell},1\n" for cell in cells))
+    np.testing.assert_array_equal(table.columns["t"], [0, 1, 2])
+
+
+def test_times_of_day_are_in_seconds(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t [ms],psi,l\n" + "".join(f"0:00:{t / 50:.2f},0.1,0.7\n" for t in range(200)))
+    with pytest.raises(InputError, match=r'declare t = \{column = "t \[ms\]", unit = "s"\} under') as caught:
+        load_recording(path)
+    line = re.search(r"t = \{.*?\}", str(caught.value))[0]
+    path.with_suffix(".toml").write_text(f"[columns]\n{line}\n")
+    assert load_recording(path).times[-1] == pytest.approx(3.98)
+
+
+@pytest.mark.parametrize("header", ["t,psi [rad],l,psi [deg]", "t [s],psi,l,t [ms]", "t,psi,l,psi [rad]"])
+def test_two_columns_of_one_channel_are_refused(tmp_path, header):
+    with pytest.raises(InputError, match=r"columns '.*' and '.*' are both (psi|t); delete or rename one"):
+        recording_of(tmp_path, header, range(400))
+
+
+def test_a_declared_column_wins_over_others_of_its_channel(tmp_path):
+    sidecar = '[columns]\nx = false\npsi = {column = "psi [rad]", unit = "rad"}\n'
+    recording = recording_of(tmp_path, "t,psi [rad],l,psi [deg]", range(400), sidecar)
+    assert np.abs(recording.psi).max() <= 1
+
+
+@pytest.mark.parametrize("cells", [["RUN"] * 400, [""] * 400, ["1"] * 399 + ["STOP"], ["nan"] * 400])
+def test_a_column_of_text_that_is_no_channel_is_left_out(tmp_path, cells):
+    recording = recording_of(tmp_path, "t,psi,l,state", cells)
+    assert recording.extras == {}
+    (note,) = (note for note in recording.notes if "'state'" in note)
+    assert "left out" in note
+
+
+def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):
+    with pytest.raises(InputError, match=r"column theta: not used, and there is no psi"):
+        recording_of(tmp_path, "t,x,l,theta", ["1"] * 399 + ["#N/A"], "")
+
+
+def test_names_are_cut_and_control_characters_refused(tmp_path):
+    assert "control characters" in problem(tmp_path, "t,x,\x1b[31mred\n0,1,2\n")
+    recording = recording_of(tmp_path, "t,psi,l," + "y" * 5000, range(400))
+    (note,) = (note for note in recording.notes if "kept but not used" in note)
+    assert len(note) < 120 and "'yyy" in note
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "unit"),
+    [
+        ("t", "t [ms]", "s"),
+        ("x", "x [mm]", "m"),
+        ("x", "x [cm]", "m"),
+        ("x", "x [um]", "m"),
+        ("psi", "psi [mrad]", "rad"),
+        ("psi", "psi (deg)", "rad"),
+    ],
+)
+def test_a_unit_of_the_header_that_is_too_small_is_refused(tmp_path, name, said, unit):
+    """SI numbers under another unit's name; with the line in the refusal they are read as what they are."""
+    path = tmp_path / "run.csv"
+    rows = RECORDED.read_text().splitlines()
+    path.write_text("\n".join([",".join(said if n == name else n for n in rows[0].split(",")), *rows[1:]]) + "\n")
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    line = re.search(rf"declare ({name} = \{{.*?\}})", str(caught.value))
+    assert line, str(caught.value)
+    assert f'unit = "{unit}"' in line[1]
+    path.with_suffix(".toml").write_text(f"[columns]\n{line[1]}\n")
+    recording = load_recording(path)
+    np.testing.assert_array_equal(recording.psi, load_recording(RECORDED).psi)
+    np.testing.assert_array_equal(recording.x, load_recording(RECORDED).x)
+
+
+def test_times_that_no_unit_mends_are_doubted(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,psi,l\n" + "".join(f"{t * 1e-5:.5f},{np.sin(t / 30):.4f},0.7\n" for t in range(400)))
+    with pytest.raises(InputError, match="column t: a row every 1e-05 s is more often"):
+        load_recording(path)
+    assert load_recording(path, force=True).times.size == 400
