@@ -35,7 +35,7 @@ class Path(NamedTuple):
 
 
 def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:
-    """The same of any motion, given at some times [s]."""
+    """What the sensors read of a motion that is given at some times [s], without noise or rounding."""
     q, v = encoded(plant, motion, rate)
     return sensed(plant, times, q, Path(times, q, v))
 

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from ...identification.estimation import Problem
 from ...identification.solver import Point, Start
-from ...model.effects.base import Contained
-from ...model.effects.catalogue import CATALOGUE
 from ..criteria import CRITERIA
 from ..structures.candidates import Candidate
 from ..structures.space import Name
 from ..structures.structure import Structure
-from .moves import TRIAL, Move, axis_of, better_of, with_effects
+from .moves import TRIAL, Move, axis_of, better_of, contained, with_effects
 from .screening import AmongAll, screened
 
 
@@ -78,7 +76,7 @@ def added(
     others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
     kept = sorted(list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1])
     # What a map costs is known once it is fitted: the simpler laws that it contains are fitted with it.
-    parts = {(part.kind, site) for kind, site in (order[k].candidate.name for k in kept) for part in _contained(kind)}
+    parts = {(part.kind, site) for kind, site in (order[k].candidate.name for k in kept) for part in contained(kind)}
     kept += [k for k, tried in enumerate(order) if k not in kept and tried.candidate.name in parts]
     later = [k for k, tried in enumerate(order) if k not in kept and tried.promise > 0.0]
 
@@ -88,10 +86,6 @@ def added(
         return dataclasses.replace(move, promise=tried.promise)
 
     return [ready(order[k]) for k in kept], [ready(order[k]) for k in later]
-
-
-def _contained(kind: str) -> Sequence[Contained]:
-    return CATALOGUE[kind].contains if kind in CATALOGUE else ()
 
 
 class _Tried(NamedTuple):

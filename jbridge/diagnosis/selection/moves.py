@@ -11,7 +11,7 @@ from ...identification.estimation import Problem
 from ...identification.setting import PART_OF
 from ...identification.solver import Point, Start
 from ...model.bridge import Bridge
-from ...model.effects.base import AXIS_OF_SITE, AbstractEffect
+from ...model.effects.base import AXIS_OF_SITE, AbstractEffect, Contained
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.fields import parameters_of
 from ...model.plant import Plant
@@ -187,12 +187,17 @@ def values_of(now: Structure, name: Name) -> dict[str, NDArray[np.float64] | flo
     return out
 
 
+def contained(kind: str) -> Sequence[Contained]:
+    """The simpler laws that a kind of effect contains; a wrong value contains none."""
+    return CATALOGUE[kind].contains if kind in CATALOGUE else ()
+
+
 def simplifications(problem: Problem, base: Structure, now: Structure) -> list[Move]:
     """Each added effect replaced by a simpler law that it contains, if it may pay."""
     out = []
     present = {(e.kind, e.site) for e in now.plant.effects}
     for name in now.names:
-        for part in CATALOGUE[name[0]].contains if name[0] in CATALOGUE else ():
+        for part in contained(name[0]):
             if (part.kind, name[1]) in present:
                 continue
             own = values_of(now, name)
