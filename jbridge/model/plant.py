@@ -5,7 +5,7 @@ elastic rope, the angle `phi` below a hook. `equations` has the accelerations.
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -90,6 +90,17 @@ class Plant(eqx.Module):
             return law(value)
         present = [self.present[k] for k, own in enumerate(self.effects) if any(own is effect for effect in effects)]
         return jax.lax.cond(jnp.any(jnp.stack(present)), law, lambda same: same, value)
+
+    def after_each(self, law: Callable[[E, T], T], value: T, effects: Iterable[E]) -> T:
+        """What one effect after the other makes of a value; one question, and no work, where all of them are absent."""
+        every = tuple(effects)
+
+        def one_by_one(value: T) -> T:
+            for effect in every:
+                value = self.after(functools.partial(law, effect), value, effect)
+            return value
+
+        return self.after(one_by_one, value, *every) if len(every) > 1 else one_by_one(value)
 
     def only(self, cls: type[E], site: str | None = None) -> E | None:
         """The one effect of a class, or None.

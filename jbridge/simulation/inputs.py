@@ -3,7 +3,6 @@
 What has no memory, or is linear in time, is computed for a whole lane at once, before the time loop.
 """
 
-import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -120,17 +119,25 @@ class Supply(NamedTuple):
 def supply(plant: Plant, lane: Lane) -> Supply:
     """The held inputs of a lane behind saturation, dead zone and gains."""
     edges = interval_edges(lane)
+
+    def applied(effect: AbstractDrive, w: Array) -> Array:
+        return effect.apply(edges[:-1], w)
+
     found = []
     for column, axis in enumerate(("x", "l")):
         w = lane.u[:, column]
-        for effect in _chain(plant, axis):
-            if not effect.in_time:
-                w = plant.after(functools.partial(effect.apply, edges[:-1]), w, effect)
+        w = plant.after_each(applied, w, (effect for effect in _chain(plant, axis) if not effect.in_time))
         once = twice = None
-        if _late(plant, axis):
-            spans = jnp.diff(edges)
-            once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
-            twice = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+        late = _late(plant, axis)
+        if late:
+            none = jnp.zeros_like(edges)
+
+            def integrals(_: tuple[Array, Array], w: Array = w) -> tuple[Array, Array]:
+                spans = jnp.diff(edges)
+                once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
+                return once, jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+
+            once, twice = plant.after(integrals, (none, none), *late)
         found.append(Held(w, once, twice))
     return Supply(edges, *found)
 
@@ -157,6 +164,10 @@ def arriving(
     """
     begin, end = steps[:, :-1], steps[:, 1:]
     middle = 0.5 * (begin + end)
+
+    def applied(effect: AbstractDrive, inputs: tuple[Array, Array]) -> tuple[Array, Array]:
+        return effect.apply(middle, inputs[0]), effect.apply(middle, inputs[1])
+
     means, earlies = [], []
     for axis, held in (("x", given.x), ("l", given.l)):
         own = jax.lax.dynamic_slice_in_dim(held.inputs, first, steps.shape[0])
@@ -170,10 +181,7 @@ def arriving(
                 return _delayed(given.edges, held, begin, end, delay)
 
             mean, early = plant.after(delayed, (mean, early), *late)
-        for effect in _chain(plant, axis):
-            if effect.in_time:
-                law = functools.partial(effect.apply, middle)
-                mean, early = plant.after(law, mean, effect), plant.after(law, early, effect)
+        mean, early = plant.after_each(applied, (mean, early), (e for e in _chain(plant, axis) if e.in_time))
         means.append(mean)
         earlies.append(early)
     return jnp.stack(means, axis=2), jnp.stack(earlies, axis=2)

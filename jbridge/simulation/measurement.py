@@ -72,12 +72,12 @@ def sensed(plant: Plant, times: Float[Array, " sample"], q: Axes, path: Path) ->
                 seen = path.times, getattr(path.q, axis), getattr(path.v, axis)
                 law = functools.partial(_late, times, *seen, effect.delay)
                 truth = plant.after(law, truth, effect)
-        reading = truth
-        for sensor in sorted(plant.all(AbstractSensor), key=lambda sensor: sensor.order):
-            if AXIS_OF_SITE[sensor.site] == axis:
-                law = functools.partial(sensor.read, times, truth=truth)
-                reading = plant.after(law, reading, sensor)
-        channels.append(reading)
+
+        def read_off(sensor: AbstractSensor, reading: Array, truth: Array = truth) -> Array:
+            return sensor.read(times, reading, truth=truth)
+
+        own = (sensor for sensor in plant.all(AbstractSensor) if AXIS_OF_SITE[sensor.site] == axis)
+        channels.append(plant.after_each(read_off, truth, sorted(own, key=lambda sensor: sensor.order)))
     return jnp.stack(channels, axis=1)
 
 

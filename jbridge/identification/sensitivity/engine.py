@@ -9,8 +9,9 @@ as well.
 import copy
 import math
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 import jax
@@ -276,10 +277,18 @@ class Engine:
             found = predicted_with_tangents(self.table, given, jnp.asarray(towards), begun, self.steps)
             return tuple(np.asarray(part) for part in found)
 
+        def take(own: Sequence[tuple[int, NDArray[np.int64]]], found: tuple[NDArray[np.float64], ...]) -> None:
+            for lane, (i, places) in enumerate(own):
+                keep(i, places, lane, found)
+
+        # Few calls wait in memory at a time, and no processor waits for the others.
+        waiting: deque[tuple[Sequence[tuple[int, NDArray[np.int64]]], Future]] = deque()
         with ThreadPoolExecutor(_THREADS) as pool:
-            # Few calls wait in memory at a time.
-            for a in range(0, len(calls), 2 * _THREADS):
-                some = calls[a : a + 2 * _THREADS]
-                for own, found in zip(some, pool.map(call, some), strict=True):
-                    for lane, (i, places) in enumerate(own):
-                        keep(i, places, lane, found)
+            for own in calls:
+                if len(waiting) == 2 * _THREADS:
+                    first, found = waiting.popleft()
+                    take(first, found.result())
+                waiting.append((own, pool.submit(call, own)))
+            while waiting:
+                first, found = waiting.popleft()
+                take(first, found.result())

@@ -5,7 +5,6 @@ belt, a second pendulum) are never set; they follow from the simulation of what 
 """
 
 import dataclasses
-import functools
 from typing import NamedTuple
 
 import jax
@@ -133,6 +132,7 @@ def _simulated(
     before = even_steps(given.edges[: earlier + 1], steps.number)
     lags = lags_at_start(plant, lane, before, arriving(plant, given, before, 0)[0])
     method = RK4 if steps.fine else MIDPOINT
+    late = tuple(plant.all(SensorDelay))
 
     def own(values: Array, begin: Array | int, count: int = BLOCK) -> Array:
         return jax.lax.dynamic_slice_in_dim(values, begin, count)
@@ -167,11 +167,15 @@ def _simulated(
         now = encoded(plant, *moving)
         if path is None:
             return (motions, None), sensed(plant, edges[:-1], now[0], Path(edges[:-1], *now))
-        path = jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, begin, 0), path, now)
+
+        def longer(path: tuple[Axes, Axes]) -> tuple[Axes, Axes]:
+            return jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, begin, 0), path, now)
+
+        path = plant.after(longer, path, *late)
         return (motions, path), sensed(plant, edges[:-1], now[0], Path(times, *path))
 
     times, path = given.edges[earlier:-1], None
-    if any(plant.all(SensorDelay)):
+    if late:
         # Late sensors look back over blocks; what is still to come lies ahead of all that they ask for.
         still = Axes(*(jnp.zeros_like(times) for _ in AXES))
         path = still, still
@@ -200,12 +204,16 @@ def _behind_sensors(plant: Plant, times: Array, states: Array) -> tuple[Axes, Ax
     A sensor's error is taken at the reading in place of the true coordinate, which differs by the error itself.
     """
     q, v = [states[:, k] for k in range(3)], [states[:, k + 3] for k in range(3)]
+
+    def behind(sensor: AbstractSensor, read: tuple[Array, Array]) -> tuple[Array, Array]:
+        reading, rate = read
+        if isinstance(sensor, SensorScale):
+            return reading / sensor.scale, rate / sensor.scale
+        return reading - (sensor.read(times, reading, reading) - reading), rate
+
     for k, axis in enumerate(AXES):
-        for sensor in sorted(plant.all(AbstractSensor, f"{axis}_sensor"), key=lambda sensor: -sensor.order):
-            if isinstance(sensor, SensorScale):
-                q[k], v[k] = q[k] / sensor.scale, v[k] / sensor.scale
-            else:
-                q[k] = plant.after(functools.partial(_less_error, sensor, times), q[k], sensor)
+        sensors = sorted(plant.all(AbstractSensor, f"{axis}_sensor"), key=lambda sensor: -sensor.order)
+        q[k], v[k] = plant.after_each(behind, (q[k], v[k]), sensors)
         for late in plant.all(SensorDelay, f"{axis}_sensor"):
             q[k] = q[k] + late.delay * v[k]
     return Axes(*q), Axes(*v)
@@ -217,10 +225,6 @@ def _scale(plant: Plant, axis: str) -> Array:
     for sensor in plant.all(SensorScale, f"{axis}_sensor"):
         scale = scale * sensor.scale
     return scale
-
-
-def _less_error(sensor: AbstractSensor, times: Array, reading: Array) -> Array:
-    return reading - (sensor.read(times, reading, reading) - reading)
 
 
 def _set(carry: Motions, begins: Array, q: Axes, v: Axes) -> Motions:
