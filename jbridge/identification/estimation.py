@@ -5,6 +5,7 @@ the motion; nothing is refused because a free run falls or runs away. Longer win
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,7 +20,7 @@ from .likelihood import Index, Likelihood, index, likelihood
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Steps
 from .setting import Setting, free_places, overrides
-from .solver import Normal, Point, Start, evaluate, normal_equations, residuals, solve
+from .solver import Limits, Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
 """Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""
@@ -65,6 +66,8 @@ class Problem:
     data: Data
     windows: Index
     likelihood: Likelihood
+    until: float = math.inf
+    """Time of `time.monotonic` [s] at which fits end wherever they are."""
 
     def of_horizons(self, horizons: Sequence[float]) -> "Problem":
         """The same with the windows of some horizons only; the criterion of the others is left out."""
@@ -87,7 +90,7 @@ class Problem:
         chosen = np.array(keep)[self.windows.tiling]
         own = self.likelihood
         part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total)
-        return Problem(self.setting, data, index(data), part)
+        return Problem(self.setting, data, index(data), part, self.until)
 
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
         """Those initial states that belong to the tilings of a part of this problem."""
@@ -112,7 +115,8 @@ class Problem:
         return dataclasses.replace(self, likelihood=likelihood(self.data, self.windows, left))
 
     def solve(self, engine: Engine, starts: Sequence[Start], iterations: int = _NEXT) -> list[Point]:
-        return solve(engine, self.data, self.windows, self.likelihood, starts, iterations=iterations)
+        limits = Limits(iterations, until=self.until)
+        return solve(engine, self.data, self.windows, self.likelihood, starts, limits)
 
     def solved_anew(self, engine: Engine, point: Point) -> Point:
         """A point, or a better one that fits to short windows find from other lags and delays.

@@ -29,7 +29,6 @@ def with_mechanisms(
     apart: Sequence[Candidate],
     choice: dict[Name, float],
     best: Structure | None,
-    deadline: float,
 ) -> list[Move]:
     """The best effect of each axis with a program of its own, refitted on some windows, if it may compete there.
 
@@ -42,7 +41,6 @@ def with_mechanisms(
         apart: effects with programs of their own.
         choice: logarithm of the number of alternatives, by effect.
         best: the best model with one effect more so far, if there is one.
-        deadline: of `time.monotonic` [s].
     """
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     by_name: dict[Name, list[Candidate]] = {}
@@ -77,7 +75,7 @@ def with_mechanisms(
 
     def tried(name: Name) -> tuple[float, Plant, Candidate, tuple[Point, Point]] | None:
         seeds, less = by_name[name], gone(name)
-        if time.monotonic() > deadline:
+        if time.monotonic() > problem.until:
             return None
         left = tuple(e for e in plant.effects if (e.kind, e.site) not in less)
         own = Plant(plant.bridge, (*left, _effect(seeds[0])))

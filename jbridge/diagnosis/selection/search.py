@@ -73,8 +73,8 @@ def select(
     stopped = "criterion"
     for number in range(CRITERIA.rounds):
         now = held[-1]
-        deadline = until(len(now.names) + 1)
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
+        problem = dataclasses.replace(problem, until=until(len(now.names) + 1))
         # What a larger model gains must not be what more iterations gain.
         [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
         point = problem.solved_anew(now.space.engine, point)
@@ -82,15 +82,15 @@ def select(
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
         tell(f"round {number + 1}: looking beyond {so_far}")
         try:
-            found = _smaller(problem, base, now, runners_up, seen, deadline)
+            found = _smaller(problem, base, now, runners_up, seen)
             if not leaves_nothing(problem, now):
-                found += _larger(problem, base, now, None if number else early, seen, deadline)
+                found += _larger(problem, base, now, None if number else early, seen)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
         better = [s for s in found if accepts(now, s)]
         tried.append(tuple(sorted(found, key=lambda s: s.value)))
-        if time.monotonic() > deadline:
+        if time.monotonic() > problem.until:
             stopped = "budget"
         if better:
             best = min(better, key=lambda s: s.value)
@@ -100,6 +100,7 @@ def select(
         if not better or stopped == "budget":
             break
         forget_if_large()
+    problem = dataclasses.replace(problem, until=math.inf)
     if stopped != "interrupted":
         [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
         held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
@@ -122,12 +123,11 @@ def _smaller(
     now: Structure,
     runners_up: Mapping[Name, Structure],
     seen: set[frozenset[str]],
-    deadline: float,
 ) -> list[Structure]:
     """The model without one of its effects, or with a simpler law or a rival in its place, fitted."""
     moves = [*removals(problem, base, now), *simplifications(problem, base, now)]
     moves += replacements(problem, base, now, runners_up)
-    return _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+    return _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
 
 
 def _larger(
@@ -136,7 +136,6 @@ def _larger(
     now: Structure,
     early: NDArray[np.float64] | None,
     seen: set[frozenset[str]],
-    deadline: float,
 ) -> list[Structure]:
     """All models with one effect or one finer law more that were worth a fit to all windows, fitted; the best of them
     with others' effects beside it."""
@@ -161,25 +160,25 @@ def _larger(
     # What promises most may be what imitates best: then it does not gain on blocks that are left out, and what
     # promises less is looked at, too.
     while moves and not good:
-        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         # What gains on its own blocks alone may contain a law of fewer numbers that gains on others, too.
         too_many = [s for s in tried if s.value < now.value and not accepts(now, s)]
         simpler = {m.numbers: m for s in too_many for m in simplifications(problem, base, s)}
         known = {*seen, *(frozenset(s.free) for s in tried)}
-        tried += _all_fitted(problem, [m for numbers, m in simpler.items() if numbers not in known], now, deadline)
+        tried += _all_fitted(problem, [m for numbers, m in simpler.items() if numbers not in known], now)
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
     if not good:
         moves = paired(problem, part, now, among, shared, choice)
-        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
         others = [s for s in good[1:] if _told_apart(now, s, found)]
-        best = _with_other_axes(problem, now, good[0], others, seen, deadline)
+        best = _with_other_axes(problem, now, good[0], others, seen)
         if best is not good[0]:
             found.append(best)
             good.insert(0, best)
@@ -187,8 +186,8 @@ def _larger(
     # simpler leaves nothing.
     if not good or (early is not None and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
-        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None, deadline)
-        found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now, deadline)
+        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None)
+        found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
     return found
 
 
@@ -209,7 +208,6 @@ def _with_other_axes(
     best: Structure,
     others: Sequence[Structure],
     seen: set[frozenset[str]],
-    deadline: float,
 ) -> Structure:
     """The best model with what others add on other axes, one after the other, as long as it gains."""
     taken = {axis_of(name) for name in best.names if name not in now.names}
@@ -220,7 +218,7 @@ def _with_other_axes(
         taken.add(axis_of(new))
         move = together(problem, now, best, other)
         if move.numbers not in seen:
-            joined = _all_fitted(problem, [move], best, deadline)
+            joined = _all_fitted(problem, [move], best)
             best = min([best, *(s for s in joined if accepts(best, s))], key=_value)
     return best
 
@@ -229,11 +227,11 @@ def _value(structure: Structure) -> float:
     return structure.value
 
 
-def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure, deadline: float) -> list[Structure]:
+def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list[Structure]:
     """Moves fitted to all windows."""
 
     def fitted(move: Move) -> Structure | None:
-        if time.monotonic() > deadline:
+        if time.monotonic() > problem.until:
             return None
         engine, start = move.space.engine, move.start
         low = problem.shortest()

@@ -24,7 +24,7 @@ from ..likelihood import index, likelihood
 from ..sensitivity.engine import Engine, Job, Sensitivity
 from ..sensitivity.windowed_rollout import STATES
 from ..setting import Setting, resolve, setting_of
-from ..solver import Point, Start, residual, residuals, solve, squares
+from ..solver import Limits, Point, Start, residual, residuals, solve, squares
 from .errors import Evaluation
 from .kalman_filter import corrections
 
@@ -92,7 +92,7 @@ class Judge:
         begun = Start(vector, np.zeros(0, np.int64), tuple(t.states for t in self.starts.tilings))
         # Six numbers of a beginning take fewer simulations than the tangents of a fit have columns.
         alone = engine.by_differences()
-        [point] = solve(alone, self.starts, found, criterion, [begun], iterations=_ITERATIONS, tolerance=0.0)
+        [point] = solve(alone, self.starts, found, criterion, [begun], Limits(_ITERATIONS, tolerance=0.0))
         return point
 
     def _of_windows(self, begun: Point) -> Start:

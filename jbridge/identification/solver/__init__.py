@@ -1,11 +1,12 @@
 """Reweighted Gauss-Newton over parameters and the initial states of windows."""
 
 from .bounds import bounded_step, ties
-from .gauss_newton import solve
+from .gauss_newton import Limits, solve
 from .prediction_errors import Point, Start, evaluate, residual, residuals, squares
 from .variable_projection import Normal, moved_states, normal_equations
 
 __all__ = [
+    "Limits",
     "Normal",
     "Point",
     "Start",

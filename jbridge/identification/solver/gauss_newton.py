@@ -7,7 +7,10 @@ it better, the moved one or the former, so that a window whose initial state lie
 """
 
 import dataclasses
+import math
+import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +28,24 @@ _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
 
 
+class Limits(NamedTuple):
+    """When a fit ends."""
+
+    iterations: int
+    """Most steps of each start."""
+    tolerance: float = 0.1
+    """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion."""
+    until: float = math.inf
+    """Time of `time.monotonic` [s] from which on no step is begun."""
+
+
 def solve(
     engine: Engine,
     data: Data,
     windows: Index,
     likelihood: Likelihood,
     starts: Sequence[Start],
-    *,
-    iterations: int,
-    tolerance: float = 0.1,
+    limits: Limits,
 ) -> list[Point]:
     """Minimises the criterion from every start.
 
@@ -43,18 +55,16 @@ def solve(
         windows: of the tilings.
         likelihood: the criterion.
         starts: where to begin.
-        iterations: most steps of each.
-        tolerance: a fit is done when a step gains less than this [nat], or a thousandth of that per unit of the
-            criterion.
+        limits: when it ends.
     """
     points = _from_other_states(engine, data, windows, likelihood, evaluate(engine, data, likelihood, starts))
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
     active = np.ones(len(starts), bool)
-    for _ in range(iterations):
+    for _ in range(limits.iterations):
         chosen = [int(i) for i in np.flatnonzero(active)]
-        if not chosen:
+        if not chosen or time.monotonic() > limits.until:
             break
         normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen])
         waiting = dict(zip(chosen, normals, strict=True))
@@ -77,7 +87,7 @@ def solve(
                 if gain > 0:
                     points[i] = new
                     damping[i] = max(0.1 * damping[i], 1e-9)
-                    active[i] = gain > tolerance * max(1.0, 1e-3 * abs(new.value))
+                    active[i] = gain > limits.tolerance * max(1.0, 1e-3 * abs(new.value))
                 elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):
                     active[i] = False
                 else:
