@@ -181,7 +181,8 @@ def engine_for(
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    steps = Steps(substeps(plant, data.period), setting.fine)
+    explicit, damped = (substeps(plant, data.period, damped=closed) for closed in (False, True))
+    steps = Steps(min(explicit, damped), setting.fine, damped < explicit)
     return Engine(plant, courses, steps, len(data.tilings), given, width, lanes)
 
 

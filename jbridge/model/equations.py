@@ -16,10 +16,11 @@ from .._types import Axes, Scalar
 from .bridge import Bridge, Symmetric, inverse
 from .drive_train import Belt, Sides, through_belt, through_play
 from .dry_friction import Rows, friction
+from .effects.base import DRIVE_OF_AXIS
 from .effects.drives import SpeedDrive
 from .effects.flexible import Backlash, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Motion, Plant
-from .speed_loop import Loop, held
+from .speed_loop import Loop, held, shares
 
 _TINY = 1e-30
 """Keeps finite the thrust on a cart, or the pull on a load, that is fixed."""
@@ -96,12 +97,21 @@ class _Contact(NamedTuple):
     """and of the winch on the load."""
 
 
-def accelerations(plant: Plant, stage: Stage, step: Step) -> Motion:
-    """Accelerations of all coordinates [m/s^2, rad/s^2]."""
-    forces = _forces(plant, stage, step)
+def accelerations(plant: Plant, stage: Stage, step: Step, *, damped: bool = False) -> Motion:
+    """Accelerations of all coordinates [m/s^2, rad/s^2].
+
+    Args:
+        plant: what moves.
+        stage: where.
+        step: of which it is a part.
+        damped: whether viscous damping of the drives is solved over the step in closed form, as speed loops are.
+    """
+    forces = _forces(plant, stage, step, damped)
     coupled = _coupled(plant, stage, step, forces)
     rows, coupled = _rows(plant, stage, step, forces, coupled)
-    contact = _contact(plant, stage, step, forces, coupled, rows)
+    if damped:
+        rows = _damped(plant, stage, step, rows)
+    contact = _contact(plant, stage, step, forces, coupled, rows, damped)
 
     has_motor, has_winch = plant.drive_train is not None, plant.rope_end is not None
     f, a_motor, a_winch = contact.friction, rows.rest[0], rows.rest[2]
@@ -129,17 +139,23 @@ def accelerations(plant: Plant, stage: Stage, step: Step) -> Motion:
     )
 
 
-def _forces(plant: Plant, stage: Stage, step: Step) -> _Forces:
+def _forces(plant: Plant, stage: Stage, step: Step, damped: bool) -> _Forces:
     t, q, v, volts = stage.t, stage.q, stage.v, stage.volts
     train, rope = plant.drive_train, plant.rope_end
     load, resistance = materialise(plant.smooth_forces(t, q, v), step.go)
     drive, resistance = plant.looped(plant.drive_forces(volts, q, v), resistance, v.at_drives())
     loops = {}
-    if train is None and rope is None and any(plant.all(SpeedDrive)):
+    if train is None and rope is None and (damped or any(plant.all(SpeedDrive))):
         start, end = (volts, volts) if step.setpoints is None else step.setpoints
-        loops = plant.speed_loops(plant.drive_forces(start, q, v), plant.drive_forces(end, q, v), step.v.axes)
-    motor = resistance.x if "x" in loops else drive.x + resistance.x
-    winch = resistance.l if "l" in loops else drive.l + resistance.l
+        forces = plant.drive_forces(start, q, v), plant.drive_forces(end, q, v)
+        loops = plant.speed_loops(*forces, step.v.axes, damped=damped)
+    viscous = plant.bridge.viscous(v.at_drives())
+    motor, winch = (
+        (getattr(resistance, axis) - (getattr(viscous, axis) if plant.speed_loop(axis) is None else 0.0))
+        if axis in loops
+        else getattr(drive, axis) + getattr(resistance, axis)
+        for axis in DRIVE_OF_AXIS
+    )
     spring = plant.hysteresis
     if spring is not None and stage.z is not None:
         motor = motor + spring.force(q.at_drives().x, stage.z)
@@ -195,7 +211,24 @@ def _rows(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Cou
     return Rows(rest, w, step.v.at_drives(), positive, negative), coupled._replace(inverse=inv, a=a)
 
 
-def _contact(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Coupled, rows: Rows) -> _Contact:
+def _damped(plant: Plant, stage: Stage, step: Step, rows: Rows) -> Rows:
+    """The rows of drives that something parts from their axes, as means over a step with their viscous damping: it
+    lessens what accelerates them, and what friction and contact do to them, by the same share."""
+    rest, w = list(rows.rest), [list(row) for row in rows.w]
+    begun, now = step.v.at_drives(), stage.v.at_drives()
+    for i, axis, parted in ((0, "x", plant.drive_train), (2, "l", plant.rope_end)):
+        if parted is not None and plant.speed_loop(axis) is None:
+            rate = plant.drive_rate(axis) * w[i][i]
+            first, second, _ = shares(rate * step.h)
+            share = first + stage.lead * (2.0 * second - first)
+            rest[i] = share * (rest[i] + rate * (getattr(now, axis) - getattr(begun, axis)))
+            w[i][i] = share * w[i][i]
+    return rows._replace(rest=rest, w=w)
+
+
+def _contact(
+    plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Coupled, rows: Rows, damped: bool
+) -> _Contact:
     """Dry friction, beside what stands between a drive and its side of the load."""
     train, rope = plant.drive_train, plant.rope_end
     inv, free, h, go, lead = coupled.inverse, coupled.a, step.h, step.go, stage.lead
@@ -220,7 +253,8 @@ def _contact(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _
         f, thrust = through_play(rows, sides, train.gap, rubbing, h, lead, go)
     else:
         beyond = stage.v.at_drives().x - stage.v.x
-        belt = Belt(train.stiffness, train.damping, plant.bridge.cart_damping * w_x, beyond)
+        loss = jnp.zeros_like(w_x) if damped else plant.bridge.cart_damping * w_x
+        belt = Belt(train.stiffness, train.damping, loss, beyond)
         f, thrust = through_belt(rows, sides, belt, rubbing, h, lead, go)
     return _Contact(f, thrust=thrust)
 

@@ -180,9 +180,10 @@ class Plant(eqx.Module):
         """The drive of an axis that holds a speed, if it has one."""
         return self.only(SpeedDrive, DRIVE_OF_AXIS[axis]) if axis in DRIVE_OF_AXIS else None
 
-    def drive_rate(self, axis: str, loop: SpeedDrive) -> Scalar:
-        """Force per speed of a speed loop [N s/m]: its share of the axis' damping."""
-        return loop.share * (self.bridge.cart_damping if axis == "x" else self.bridge.hoist_damping)
+    def drive_rate(self, axis: str) -> Scalar:
+        """Force per speed of an axis' drive [N s/m]: the share that a speed loop has of its damping, or all of it."""
+        loop, damping = self.speed_loop(axis), self.bridge.cart_damping if axis == "x" else self.bridge.hoist_damping
+        return damping if loop is None else loop.share * damping
 
     def looped(self, drive: Axes, resistance: Axes, v: Axes) -> tuple[Axes, Axes]:
         """Forces of the drives, and resistances, where speed loops take their share of the damping.
@@ -195,7 +196,7 @@ class Plant(eqx.Module):
         for axis in DRIVE_OF_AXIS:
             loop = self.speed_loop(axis)
             if loop is not None:
-                taken = self.drive_rate(axis, loop) * getattr(v, axis)
+                taken = self.drive_rate(axis) * getattr(v, axis)
                 force = jnp.clip(getattr(drive, axis) - taken, -loop.limit, loop.limit)
                 drive = drive._replace(**{axis: force})
                 resistance = resistance._replace(**{axis: getattr(resistance, axis) + taken})
@@ -310,20 +311,22 @@ class Plant(eqx.Module):
             resistance[axis] = self.after(resisted, resistance[axis], damping)
         return total, Axes(**resistance)
 
-    def speed_loops(self, start: Axes, end: Axes, v: Axes) -> dict[str, Loop]:
+    def speed_loops(self, start: Axes, end: Axes, v: Axes, *, damped: bool) -> dict[str, Loop]:
         """Speed loops by axis, as they are solved over a whole step where no contact or belt is.
 
         Args:
             start, end: `drive_forces` for the inputs at the step's beginning and end [N].
             v: velocities at the step's beginning.
+            damped: whether a drive with viscous damping counts as one, without a limit.
         """
         found = {}
         for axis in DRIVE_OF_AXIS:
             loop = self.speed_loop(axis)
-            if loop is not None:
-                rate, force = self.drive_rate(axis, loop), getattr(start, axis)
+            if loop is not None or damped:
+                rate, force = self.drive_rate(axis), getattr(start, axis)
                 gained = getattr(end, axis) - force
-                found[axis] = Loop(force - rate * getattr(v, axis), gained, rate, loop.limit)
+                limit = None if loop is None else loop.limit
+                found[axis] = Loop(force - rate * getattr(v, axis), gained, rate, limit)
         return found
 
 

@@ -44,8 +44,8 @@ class Loop(NamedTuple):
     """What the setpoint adds to it until the step's end [N]."""
     rate: Scalar
     """Force per speed [N s/m]."""
-    limit: Scalar
-    """Largest force [N]."""
+    limit: Scalar | None
+    """Largest force [N], None without one."""
 
 
 class _Held(NamedTuple):
@@ -76,16 +76,19 @@ def held(
     for i, loop in loops.items():
         first, second, third = shares(rows.w[i][i] * loop.rate * h)
         free[i] = _Held(loop.pull, loop.gained, (first, second), (2.0 * second, 2.0 * third))
+    limits = {i: loop.limit for i, loop in loops.items() if loop.limit is not None}
+    if not limits:
+        return _pulled(rows, free, rubbing, h, lead, go)
     _, forces = _pulled(rows, free, rubbing, h, 0.0, go)
-    limited = {}
-    for i, loop in loops.items():
-        clipped = jnp.abs(forces[i]) > loop.limit
-        steady = jnp.clip(forces[i], -loop.limit, loop.limit)
+    limited = dict(free)
+    for i, limit in limits.items():
+        clipped = jnp.abs(forces[i]) > limit
+        steady = jnp.clip(forces[i], -limit, limit)
         one, none = jnp.ones_like(steady), jnp.zeros_like(steady)
         always = _Held(steady, none, (one, none), (one, none))
         limited[i] = jax.tree.map(functools.partial(jnp.where, clipped), always, free[i])
     f, forces = _pulled(rows, limited, rubbing, h, lead, go)
-    return f, {i: jnp.clip(force, -loops[i].limit, loops[i].limit) for i, force in forces.items()}
+    return f, forces | {i: jnp.clip(forces[i], -limit, limit) for i, limit in limits.items()}
 
 
 def _pulled(

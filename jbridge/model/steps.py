@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -21,14 +22,15 @@ _DECIDED, _STABLE = 3, 8
 longer one only blurs what acts beside them; and for what would grow from step to step otherwise."""
 
 
-def longest_step(plant: Plant, rigid: float) -> float:
+def longest_step(plant: Plant, rigid: float, *, damped: bool = False) -> float:
     """The longest integration step [s] for a plant, `rigid` divided by a power of two, since each step is a program.
 
     Args:
         plant: known numbers; with leading axes where it stands for many bridges.
         rigid: the longest step of a rigid bridge [s]; hidden masses take half of it at most.
+        damped: see `equations.accelerations`.
     """
-    decided, explicit = _needed(plant)
+    decided, explicit = _needed(plant, damped)
     hidden = plant.mechanisms or plant.hysteresis is not None
     halvings = max(
         1 if hidden else 0,
@@ -38,16 +40,16 @@ def longest_step(plant: Plant, rigid: float) -> float:
     return rigid / 2**halvings
 
 
-def substeps(plant: Plant, period: float, rigid: float = RIGID) -> int:
+def substeps(plant: Plant, period: float, rigid: float = RIGID, *, damped: bool = False) -> int:
     """Integration steps in each `period` [s], see `longest_step`."""
-    return max(1, math.ceil(period / longest_step(plant, rigid) - 1e-6))
+    return max(1, math.ceil(period / longest_step(plant, rigid, damped=damped) - 1e-6))
 
 
 def _halvings(pace: float) -> int:
     return math.ceil(math.log2(pace)) if pace > 1.0 else 0
 
 
-def _needed(plant: Plant) -> tuple[float, float]:
+def _needed(plant: Plant, damped: bool) -> tuple[float, float]:
     """Steps per second: for what is decided within a step, and for what is not."""
     b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
     play = plant.only(HoistBacklash)
@@ -55,15 +57,18 @@ def _needed(plant: Plant) -> tuple[float, float]:
     moved = winch if rope is not None else winch + load if play is None else np.asarray(play.motor_mass)
     motor = cart if train is None else np.asarray(train.motor_mass)
     decided = squares = 0.0
-    parted = train is not None or rope is not None or play is not None
     fading = 0.0
+    parted = {"x": train is not None, "l": rope is not None or play is not None}
     for axis, damping, gain, mass in (
         ("x", b.cart_damping, b.cart_gain, motor),
         ("l", b.hoist_damping, b.hoist_gain, moved),
     ):
-        loop = plant.speed_loop(axis)
+        loop, whole = plant.speed_loop(axis), not any(parted.values())
         # A speed loop is solved in closed form, unless something parts a drive from its axis.
-        rate = damping if loop is None or parted else (1.0 - loop.share) * damping
+        if loop is not None:
+            rate = (1.0 - loop.share) * damping if whole else damping
+        else:
+            rate = jnp.zeros_like(damping) if damped and (whole or parted[axis]) else damping
         for induced in plant.all(BackEmf, DRIVE_OF_AXIS[axis]):
             rate = rate + gain * induced.constant
         fading = max(fading, _most(rate / mass))

@@ -121,17 +121,19 @@ def advance(
     *,
     method: Method = MIDPOINT,
     looped: bool = False,
+    damped: bool = False,
 ) -> Motions:
     """The motion one interval later.
 
     With `looped`, stages are a loop, which compiles in three quarters of the time. A backward pass computes each stage
     anew from its positions and velocities: that is less work than to write all of it to memory and to read it back.
-    Tangents take as long with a loop as without; a simulation alone takes longer.
+    Tangents take as long with a loop as without; a simulation alone takes longer. With `damped`, viscous damping of the
+    drives is no matter of the method, see `equations.accelerations`.
     """
     spring = plant.hysteresis
     # In one order in every process, so that compiled programs are found again.
     lagging = sorted({AXIS_OF_SITE[effect.site] for cls in LAGS for effect in plant.all(cls)})
-    loops = any(plant.all(SpeedDrive))
+    loops = damped or any(plant.all(SpeedDrive))
     most = max(-lead for lead in method.leads)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30
@@ -161,7 +163,7 @@ def advance(
 
         def stage(at: _Stage, part: _Part) -> tuple[_Stage, None]:
             here = Stage(t + part.node * h, at.q, at.v, part.volts, at.z, part.lead)
-            a = materialise(_accelerations(plant, here, whole), go)
+            a = materialise(_accelerations(plant, here, whole, damped=damped), go)
             z = at.z
             if spring is not None and carry.z is not None:
                 z = spring.deflection(carry.z, part.reach * h * at.v.at_drives().x)
@@ -201,7 +203,7 @@ def advance(
     return jax.lax.scan(step, carry, steps)[0]
 
 
-_accelerations = jax.jit(accelerations)
+_accelerations = jax.jit(accelerations, static_argnames="damped")
 """Jitted on its own, so that the stages of a step share one trace: half the time before the compiler starts."""
 
 

@@ -10,7 +10,7 @@ from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.sensitivity import engine as module
 from jbridge.identification.sensitivity.engine import Job
-from jbridge.identification.sensitivity.windowed_rollout import BLOCK, predicted_with_tangents
+from jbridge.identification.sensitivity.windowed_rollout import BLOCK, Steps, predicted_with_tangents
 from jbridge.identification.setting import make_setting
 from jbridge.identification.solver import variable_projection
 from jbridge.model.files import Model
@@ -52,6 +52,23 @@ def test_windows_are_rollouts_of_their_own():
             )
             # The same steps in another order of operations.
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9
+
+
+@pytest.mark.parametrize("between", [(), ("belt_compliance", {"stiffness": 2e4}), ("backlash", {"gap": 0.002})])
+def test_stiff_damping_asks_for_no_more_steps(between):
+    """A cart that takes its speed in 3 ms, against steps so short that its damping is not stiff."""
+    stiff = {"cart_damping": 1650.0, "cart_gain": 580.0, "swing_damping": 0.01}
+    friction = ("coulomb_friction", "cart", {"level": 3.0})
+    parted = [(between[0], "cart", {"motor_mass": 1.5, **between[1]})] if between else []
+    problem, engine, start, _ = problem_of(make_plant(friction, *parted, **stiff), (WHOLE,))
+    soft = engine_for(problem.setting, problem.data, make_plant(friction, *parted, swing_damping=0.01))
+    assert engine.steps.damped and engine.steps.number == soft.steps.number
+    job = Job(start.vector, 0, problem.data.tilings[0].begins, problem.data.tilings[0].states)
+    [found] = engine.predict([job])
+    engine.steps = Steps(64, fine=True)
+    [wanted] = engine.predict([job])
+    apart = np.abs(found - wanted)[: problem.data.grids[0].intervals + 1].max(axis=0)
+    assert (apart < 2.5e-3 * np.ptp(wanted, axis=0)).all(), apart
 
 
 def test_a_shift_moves_what_is_simulated():

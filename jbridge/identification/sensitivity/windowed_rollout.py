@@ -47,6 +47,9 @@ class Steps:
     """Integration steps in each interval."""
     fine: bool = False
     """Whether they are of the classical method of order 4, at twice the cost of the midpoint method."""
+    damped: bool = False
+    """Whether viscous damping of the drives is solved in closed form, at twice the cost of a step: where it is so stiff
+    that more steps would be needed otherwise."""
 
 
 class Lanes(NamedTuple):
@@ -150,7 +153,7 @@ def _simulated(
     def interval(carry: Motions, now: tuple[Interval, Array, Axes, Axes]) -> tuple[Motions, tuple[Motion, Motion]]:
         told, begins, q, v = now
         carry = _set(carry, begins, q, v)
-        after = _bounded(advance(plant, carry, told, lane.active, method=method, looped=True))
+        after = _bounded(advance(plant, carry, told, lane.active, method=method, looped=True, damped=steps.damped))
         return after, (carry.q, carry.v)
 
     def block(
