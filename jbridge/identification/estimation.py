@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..model.effects.drives import InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import substeps
+from ..model.steps import stiff_axes, substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .sensitivity.engine import Engine
@@ -181,8 +181,8 @@ def engine_for(
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    explicit, damped = (substeps(plant, data.period, damped=closed) for closed in (False, True))
-    steps = Steps(min(explicit, damped), setting.fine, damped < explicit)
+    damped = stiff_axes(plant)
+    steps = Steps(substeps(plant, data.period, damped=damped), setting.fine, damped)
     return Engine(plant, courses, steps, len(data.tilings), given, width, lanes)
 
 

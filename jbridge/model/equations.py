@@ -97,20 +97,20 @@ class _Contact(NamedTuple):
     """and of the winch on the load."""
 
 
-def accelerations(plant: Plant, stage: Stage, step: Step, *, damped: bool = False) -> Motion:
+def accelerations(plant: Plant, stage: Stage, step: Step, *, damped: Sequence[str] = ()) -> Motion:
     """Accelerations of all coordinates [m/s^2, rad/s^2].
 
     Args:
         plant: what moves.
         stage: where.
         step: of which it is a part.
-        damped: whether viscous damping of the drives is solved over the step in closed form, as speed loops are.
+        damped: axes whose viscous damping at the drive is solved over the step in closed form, as speed loops are;
+            where something parts one drive from its axis, such a one alone.
     """
     forces = _forces(plant, stage, step, damped)
     coupled = _coupled(plant, stage, step, forces)
     rows, coupled = _rows(plant, stage, step, forces, coupled)
-    if damped:
-        rows = _damped(plant, stage, step, rows)
+    rows = _damped(plant, stage, step, rows, damped)
     contact = _contact(plant, stage, step, forces, coupled, rows, damped)
 
     has_motor, has_winch = plant.drive_train is not None, plant.rope_end is not None
@@ -139,7 +139,7 @@ def accelerations(plant: Plant, stage: Stage, step: Step, *, damped: bool = Fals
     )
 
 
-def _forces(plant: Plant, stage: Stage, step: Step, damped: bool) -> _Forces:
+def _forces(plant: Plant, stage: Stage, step: Step, damped: Sequence[str]) -> _Forces:
     t, q, v, volts = stage.t, stage.q, stage.v, stage.volts
     train, rope = plant.drive_train, plant.rope_end
     load, resistance = materialise(plant.smooth_forces(t, q, v), step.go)
@@ -148,7 +148,7 @@ def _forces(plant: Plant, stage: Stage, step: Step, damped: bool) -> _Forces:
     if train is None and rope is None and (damped or any(plant.all(SpeedDrive))):
         start, end = (volts, volts) if step.setpoints is None else step.setpoints
         forces = plant.drive_forces(start, q, v), plant.drive_forces(end, q, v)
-        loops = plant.speed_loops(*forces, step.v.axes, damped=damped)
+        loops = plant.speed_loops(*forces, step.v.axes, damped)
     viscous = plant.bridge.viscous(v.at_drives())
     motor, winch = (
         (getattr(resistance, axis) - (getattr(viscous, axis) if plant.speed_loop(axis) is None else 0.0))
@@ -211,13 +211,13 @@ def _rows(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Cou
     return Rows(rest, w, step.v.at_drives(), positive, negative), coupled._replace(inverse=inv, a=a)
 
 
-def _damped(plant: Plant, stage: Stage, step: Step, rows: Rows) -> Rows:
+def _damped(plant: Plant, stage: Stage, step: Step, rows: Rows, damped: Sequence[str]) -> Rows:
     """The rows of drives that something parts from their axes, as means over a step with their viscous damping: it
     lessens what accelerates them, and what friction and contact do to them, by the same share."""
     rest, w = list(rows.rest), [list(row) for row in rows.w]
     begun, now = step.v.at_drives(), stage.v.at_drives()
     for i, axis, parted in ((0, "x", plant.drive_train), (2, "l", plant.rope_end)):
-        if parted is not None and plant.speed_loop(axis) is None:
+        if parted is not None and axis in damped:
             rate = plant.drive_rate(axis) * w[i][i]
             first, second, _ = shares(rate * step.h)
             share = first + stage.lead * (2.0 * second - first)
@@ -227,7 +227,7 @@ def _damped(plant: Plant, stage: Stage, step: Step, rows: Rows) -> Rows:
 
 
 def _contact(
-    plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Coupled, rows: Rows, damped: bool
+    plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Coupled, rows: Rows, damped: Sequence[str]
 ) -> _Contact:
     """Dry friction, beside what stands between a drive and its side of the load."""
     train, rope = plant.drive_train, plant.rope_end
@@ -253,7 +253,7 @@ def _contact(
         f, thrust = through_play(rows, sides, train.gap, rubbing, h, lead, go)
     else:
         beyond = stage.v.at_drives().x - stage.v.x
-        loss = jnp.zeros_like(w_x) if damped else plant.bridge.cart_damping * w_x
+        loss = jnp.zeros_like(w_x) if "x" in damped else plant.bridge.cart_damping * w_x
         belt = Belt(train.stiffness, train.damping, loss, beyond)
         f, thrust = through_belt(rows, sides, belt, rubbing, h, lead, go)
     return _Contact(f, thrust=thrust)

@@ -5,7 +5,7 @@ elastic rope, the angle `phi` below a hook. `equations` has the accelerations.
 """
 
 import functools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -311,18 +311,18 @@ class Plant(eqx.Module):
             resistance[axis] = self.after(resisted, resistance[axis], damping)
         return total, Axes(**resistance)
 
-    def speed_loops(self, start: Axes, end: Axes, v: Axes, *, damped: bool) -> dict[str, Loop]:
+    def speed_loops(self, start: Axes, end: Axes, v: Axes, damped: Sequence[str]) -> dict[str, Loop]:
         """Speed loops by axis, as they are solved over a whole step where no contact or belt is.
 
         Args:
             start, end: `drive_forces` for the inputs at the step's beginning and end [N].
             v: velocities at the step's beginning.
-            damped: whether a drive with viscous damping counts as one, without a limit.
+            damped: axes whose viscous damping counts as one, without a limit.
         """
         found = {}
         for axis in DRIVE_OF_AXIS:
             loop = self.speed_loop(axis)
-            if loop is not None or damped:
+            if loop is not None or axis in damped:
                 rate, force = self.drive_rate(axis), getattr(start, axis)
                 gained = getattr(end, axis) - force
                 limit = None if loop is None else loop.limit

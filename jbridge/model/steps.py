@@ -1,8 +1,8 @@
 """How long an integration step of a plant may be."""
 
 import math
+from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -22,7 +22,7 @@ _DECIDED, _STABLE = 3, 8
 longer one only blurs what acts beside them; and for what would grow from step to step otherwise."""
 
 
-def longest_step(plant: Plant, rigid: float, *, damped: bool = False) -> float:
+def longest_step(plant: Plant, rigid: float, damped: Sequence[str] = ()) -> float:
     """The longest integration step [s] for a plant, `rigid` divided by a power of two, since each step is a program.
 
     Args:
@@ -40,38 +40,56 @@ def longest_step(plant: Plant, rigid: float, *, damped: bool = False) -> float:
     return rigid / 2**halvings
 
 
-def substeps(plant: Plant, period: float, rigid: float = RIGID, *, damped: bool = False) -> int:
+def substeps(plant: Plant, period: float, rigid: float = RIGID, damped: Sequence[str] = ()) -> int:
     """Integration steps in each `period` [s], see `longest_step`."""
-    return max(1, math.ceil(period / longest_step(plant, rigid, damped=damped) - 1e-6))
+    return max(1, math.ceil(period / longest_step(plant, rigid, damped) - 1e-6))
 
 
 def _halvings(pace: float) -> int:
     return math.ceil(math.log2(pace)) if pace > 1.0 else 0
 
 
-def _needed(plant: Plant, damped: bool) -> tuple[float, float]:
-    """Steps per second: for what is decided within a step, and for what is not."""
-    b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
-    play = plant.only(HoistBacklash)
-    cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
-    moved = winch if rope is not None else winch + load if play is None else np.asarray(play.motor_mass)
-    motor = cart if train is None else np.asarray(train.motor_mass)
-    decided = squares = 0.0
-    fading = 0.0
-    parted = {"x": train is not None, "l": rope is not None or play is not None}
-    for axis, damping, gain, mass in (
-        ("x", b.cart_damping, b.cart_gain, motor),
-        ("l", b.hoist_damping, b.hoist_gain, moved),
-    ):
-        loop, whole = plant.speed_loop(axis), not any(parted.values())
+def stiff_axes(plant: Plant, rigid: float = RIGID) -> tuple[str, ...]:
+    """Axes whose viscous damping asks for steps shorter than `rigid` [s], and may be solved in closed form instead: see
+    `equations.accelerations`."""
+    parted = _parted(plant)
+    solved = [axis for axis in DRIVE_OF_AXIS if (parted[axis] or not any(parted.values()))]
+    rates = _fading(plant, ())
+    return tuple(axis for axis in solved if plant.speed_loop(axis) is None and rates[axis] * rigid > _FADE)
+
+
+def _parted(plant: Plant) -> dict[str, bool]:
+    """Whether something parts a drive from its axis."""
+    return {"x": plant.drive_train is not None, "l": plant.rope_end is not None}
+
+
+def _fading(plant: Plant, damped: Sequence[str]) -> dict[str, float]:
+    """Share of its velocity that a drive's damping takes from it per second, by axis."""
+    b, train, play = plant.bridge, plant.drive_train, plant.only(HoistBacklash)
+    winch = b.winch_mass if plant.only(RopeElasticity) is not None else b.winch_mass + b.load_mass
+    masses = {
+        "x": b.cart_mass if train is None else train.motor_mass,
+        "l": winch if play is None else play.motor_mass,
+    }
+    whole, found = not any(_parted(plant).values()), {}
+    for axis, damping, gain in (("x", b.cart_damping, b.cart_gain), ("l", b.hoist_damping, b.hoist_gain)):
+        loop = plant.speed_loop(axis)
         # A speed loop is solved in closed form, unless something parts a drive from its axis.
-        if loop is not None:
-            rate = (1.0 - loop.share) * damping if whole else damping
-        else:
-            rate = jnp.zeros_like(damping) if damped and (whole or parted[axis]) else damping
+        left = 0.0 if axis in damped else 1.0 - loop.share if loop is not None and whole else 1.0
+        rate = left * damping
         for induced in plant.all(BackEmf, DRIVE_OF_AXIS[axis]):
             rate = rate + gain * induced.constant
-        fading = max(fading, _most(rate / mass))
+        found[axis] = _most(np.asarray(rate / masses[axis]))
+    return found
+
+
+def _needed(plant: Plant, damped: Sequence[str]) -> tuple[float, float]:
+    """Steps per second: for what is decided within a step, and for what is not."""
+    b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
+    cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
+    motor = cart if train is None else np.asarray(train.motor_mass)
+    decided = squares = 0.0
+    fading = max(_fading(plant, damped).values())
     if isinstance(train, BeltCompliance):
         decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
     spring = plant.hysteresis

@@ -121,19 +121,19 @@ def advance(
     *,
     method: Method = MIDPOINT,
     looped: bool = False,
-    damped: bool = False,
+    damped: tuple[str, ...] = (),
 ) -> Motions:
     """The motion one interval later.
 
     With `looped`, stages are a loop, which compiles in three quarters of the time. A backward pass computes each stage
     anew from its positions and velocities: that is less work than to write all of it to memory and to read it back.
-    Tangents take as long with a loop as without; a simulation alone takes longer. With `damped`, viscous damping of the
-    drives is no matter of the method, see `equations.accelerations`.
+    Tangents take as long with a loop as without; a simulation alone takes longer. On `damped` axes the viscous
+    damping of drives is no matter of the method, see `equations.accelerations`.
     """
     spring = plant.hysteresis
     # In one order in every process, so that compiled programs are found again.
     lagging = sorted({AXIS_OF_SITE[effect.site] for cls in LAGS for effect in plant.all(cls)})
-    loops = damped or any(plant.all(SpeedDrive))
+    loops = bool(damped) or any(plant.all(SpeedDrive))
     most = max(-lead for lead in method.leads)
     # Unknown to the compiler, but true, and the same for a whole batch: see `materialise`.
     go = now.number < 2**30

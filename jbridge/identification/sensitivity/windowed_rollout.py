@@ -47,9 +47,9 @@ class Steps:
     """Integration steps in each interval."""
     fine: bool = False
     """Whether they are of the classical method of order 4, at twice the cost of the midpoint method."""
-    damped: bool = False
-    """Whether viscous damping of the drives is solved in closed form, at twice the cost of a step: where it is so stiff
-    that more steps would be needed otherwise."""
+    damped: tuple[str, ...] = ()
+    """Axes whose viscous damping would ask for more steps: it is solved in closed form instead, at up to twice the cost
+    of a step."""
 
 
 class Lanes(NamedTuple):
