@@ -63,6 +63,8 @@ MENDED = {
     "u_l turned": scaled(u_l=-1.0),
     "x turned": scaled(x=-1.0),
     "x turned about the rail's end": scaled() | {"x": 1.5 - TRUTH["x"]},
+    "u_x in mV": scaled(u_x=1e3),
+    "u_x in mV and turned": scaled(u_x=-1e3),
     "both inputs turned": scaled(u_x=-1.0, u_l=-1.0),
     "psi and u_x turned": scaled(psi=-1.0, u_x=-1.0),
     "psi in degrees and turned": scaled(psi=-180 / np.pi),
@@ -214,6 +216,14 @@ REFUSED = {
     "a position that slips": (
         edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?,.*?,)[^,]*", r"\g<1>9", n[60]), *n[61:]]),
         r"row 61, column x: .* away from the row above",
+    ),
+    "a single wild input": (
+        edited(lambda n: [*n[:60], re.sub(r",[^,]*", ",60000.0", n[60], count=1), *n[61:]]),
+        r"row 61, column u_x: 6e\+04 V is far beyond all others, and the rig does not move that way; .*delete the row",
+    ),
+    "a single wild input of the hoist": (
+        edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?),[^,]*", r"\g<1>,400.0", n[60], count=1), *n[61:]]),
+        r"row 61, column u_l: 400 V is far beyond all others",
     ),
     "an unknown name for the position": (
         lambda: table(renamed(x="y")), r"u_x varies, but there is no x .* y, declare it, such as x = \{column = .y"
