@@ -3,9 +3,12 @@
 import contextlib
 import importlib.resources
 import io
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import jax
@@ -44,6 +47,20 @@ def test_commands_are_accepted(line):
 
 def test_every_command_is_shown():
     assert {shlex.split(line)[1] for line in LINES} >= COMMANDS.keys()
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    """Links, anchors and docstrings; `make docs` runs the tutorials as well."""
+    for plugin in ("mkdocs", "material", "mkdocs_jupyter", "mkdocstrings"):
+        pytest.importorskip(plugin, reason="needs MkDocs: make docs installs it")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)],
+        cwd=ROOT, env=os.environ | {"JBRIDGE_RUN_TUTORIALS": "false", "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in ("index.html", "api/index.html", "commands/index.html", "tutorials/course/index.html"):
+        assert (tmp_path / name).is_file(), name
 
 
 def python_blocks(name):
