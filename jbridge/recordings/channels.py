@@ -188,7 +188,7 @@ def no_time(path: Path, table: Table) -> InputError:
         meant = near_column("t", names)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         sidecar = path.with_suffix(".toml").name
-        found, remedy = listed(map(quoted, names)), f"rename one, or map it in {sidecar}: [columns] {line}"
+        found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under [columns] in {sidecar}"
         return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
     held = (
         ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"

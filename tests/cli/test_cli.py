@@ -1,6 +1,7 @@
 """The command: what it accepts, what it prints where, and how it ends."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -201,6 +202,24 @@ def test_check_lists_all_problems(rig, capsys):
     assert 'u_x = {column = "voltage", unit = "V"}' in out and "gone.csv: no such file" in out
     assert {path.name for path in (rig / "out").iterdir()} == {"check.html", "check.png"}
     assert main(["check", "t.csv", "--force"]) == 0
+
+
+def test_a_problem_that_files_share_is_said_once(rig, capsys):
+    """With what mends it for all of them; the numbers of each may differ."""
+    for k, name in enumerate(("a.csv", "b.csv", "c.csv")):
+        columns = np.loadtxt(name, delimiter=",", skiprows=1).T * [[1.0], [1.0], [1e3 + k]]
+        jbridge.save_csv(name, dict(zip(("t", "volts", "x"), columns, strict=True)))
+    assert main(["check", "a.csv", "b.csv", "c.csv"]) == 2
+    out = capsys.readouterr().out
+    assert out.startswith("1 PROBLEM\n") and "(likewise b.csv, c.csv)" in out
+    written = []
+    for channel in ("u_x", "x"):
+        [line] = re.findall(rf'declare ({channel} = {{.*?}}) under \["\*.csv".columns\] in recordings.toml', out)
+        written.append(line)
+        (rig / "recordings.toml").write_text('["*.csv".columns]\n' + "\n".join(written) + "\n")
+        status = main(["check", "a.csv", "b.csv", "c.csv"])
+        out = capsys.readouterr().out
+    assert status == 0 and "NOTHING IS PLAINLY WRONG" in out
 
 
 def test_check_says_which_numbers_can_be_told(rig, capsys):

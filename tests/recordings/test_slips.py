@@ -12,7 +12,7 @@ from jbridge.recordings import inspect_recordings, load_recording
 
 RECORDED = Path(__file__).parent / "whole_bridge.csv"
 Columns = dict[str, np.ndarray]
-MENDS = re.compile(r"(?:declare|map [a-z' ]+ in run\.toml: \[columns\]) ([a-z_]+ = \{.*?\})")
+MENDS = re.compile(r"declare (?:the hoist's input, )?([a-z_]+ = \{.*?\})")
 
 
 def truth() -> Columns:
@@ -233,9 +233,9 @@ REFUSED = {
     "two files in one": (edited(lambda n: [*n, *n[1:]]), r"column t: .*keep one run in a file"),
     "two files with headers": (edited(lambda n: [*n, *n]), r"column t: 't' is text"),
     "no header": (edited(lambda n: n[1:]), r"row 1: numbers where the names"),
-    "no input": (lambda: table(only("t x psi l u_l")), r"x but no u_x; .*map it in run\.toml"),
-    "no rope length": (lambda: table(only("t u_x u_l x psi")), r"u_l but no l; .*\[locked\] l = 0\.7"),
-    "a rope that moves without input": (lambda: table(only("t u_x x psi l")), r"map the hoist's input"),
+    "no input": (lambda: table(only("t x psi l u_l")), r"x but no u_x; .*declare u_x = .* in run\.toml"),
+    "no rope length": (lambda: table(only("t u_x u_l x psi")), r"u_l but no l; .*l = 0\.7, under \[locked\]"),
+    "a rope that moves without input": (lambda: table(only("t u_x x psi l")), r"declare the hoist's input"),
     "no time": (lambda: table(only("u_x x psi l u_l")), r"no column t for the time"),
     "one name twice": (edited(lambda n: [n[0].replace("psi", "x"), *n[1:]]), r"name is there twice"),
     "psi and l swapped": (lambda: table(renamed(psi="l", l="psi")), r"column l: a rope length"),
