@@ -158,6 +158,21 @@ def test_check_prints_what_the_page_shows(tmp_path, monkeypatch, capsys):
     assert "NOTHING IS PLAINLY WRONG" in capsys.readouterr().out
 
 
+def test_the_model_and_the_sidecar_of_the_page_are_read(tmp_path):
+    """The demo's recording, with the names and the sign of angle that the page speaks of."""
+    blocks = FENCED.findall((ROOT / "docs/own-rig.md").read_text(encoding="utf-8"))
+    model, sidecar = (body for kind, body in blocks if kind == "toml")
+    (tmp_path / "model.toml").write_text(model, encoding="utf-8")
+    (tmp_path / "recordings.toml").write_text(sidecar, encoding="utf-8")
+    assert jbridge.load_model(tmp_path / "model.toml").known >= {"cart_mass", "load_mass", "gravity"}
+    rows = np.loadtxt(ROOT / "jbridge/demo_data/train-1.csv", delimiter=",", skiprows=1)
+    shown = {"t": rows[:, 0], "voltage": rows[:, 1], "position": rows[:, 2], "angle": -rows[:, 3]}
+    jbridge.save_csv(tmp_path / "monday-1.csv", shown)
+    recording = jbridge.load_recording(tmp_path / "monday-1.csv")
+    np.testing.assert_array_equal(recording.psi, rows[:, 3])
+    assert recording.locked_length == 0.2485
+
+
 @pytest.mark.slow
 def test_the_demo_prints_what_the_readme_shows(tmp_path, monkeypatch, capsys):
     blocks = FENCED.findall((ROOT / "README.md").read_text(encoding="utf-8"))

@@ -123,7 +123,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
                 parts.append(f"new in {percent(float(fresh))} of the rows")
         if np.ptp(values) == 0:
             parts.append("never changes" + ("; is the sensor connected?" if channel in ("x", "psi") else ""))
-        yield f"  {read}: {'; '.join(parts)}"
+        yield from textwrap.wrap(f"  {read}: {'; '.join(parts)}", _WIDTH, subsequent_indent="       ")
     if recording.locked_length is not None:
         yield f"  rope locked at {recording.locked_length:.4g} m"
     for name, right in inspection.signs.items():
@@ -133,7 +133,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
 
 
 def _numbers(found: Identifiability) -> Iterator[str]:
-    yield "Parameters that a fit would estimate, and the accuracy that these recordings allow"
+    yield "Parameters that a fit would estimate, to the accuracy that recordings allow"
     width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]

@@ -88,6 +88,28 @@ def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
         assert found.max() == 0
 
 
+def test_the_kick_of_a_controller_is_no_slip():
+    """Logged before the drive cuts it off, which leaves the motion as little of it as of a wild sample."""
+    period, key, found = 0.01, np.random.default_rng(0), 0
+    t = np.arange(2000) * period
+    for _ in range(30):
+        mass, gain, slow, pull = key.uniform(0.5, 5.0), key.uniform(10, 60), key.uniform(1, 10), key.uniform(1, 8)
+        reference = np.zeros(t.size)
+        for row in key.integers(50, 1800, key.integers(1, 8)):
+            reference[row:] = key.uniform(-0.5, 0.5)
+        x, v, before, u, seen = 0.0, 0.0, 0.0, np.zeros(t.size), np.zeros(t.size)
+        for row in range(t.size):
+            error = reference[row] - x
+            u[row], before = gain * error + slow * (error - before) / period, error
+            seen[row] = x + 1e-4 * key.standard_normal()
+            v += period * (pull * np.clip(u[row], -10.0, 10.0) - v / mass)
+            x += period * v
+        assert not unfelt_rows(t, u, (t, seen), None).size
+        wild = np.where(np.arange(t.size) == 1900, 1e4, u)
+        found += 1900 in unfelt_rows(t, wild, (t, seen), None)
+    assert found > 5
+
+
 @pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason=f"the recordings are not at {SHARED}")
 def test_no_real_rig_is_doubted(monkeypatch):
     """With the sidecars that its owner's documents tell; reading raises otherwise."""

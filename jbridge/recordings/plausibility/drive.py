@@ -100,13 +100,20 @@ def unfelt_rows(times: np.ndarray, u: np.ndarray, position: Samples, psi: Sample
     """Returns the rows whose input stands far out, if the axis certainly moved as though the row before had lasted.
 
     A single sample of the input that is large enough leaves its drive no gain at which the rest of the motion follows.
+    Behind it the input must be what it was before: the kick of a controller, which a drive may cut off, begins
+    something new.
     """
     size = np.abs(u - np.median(u))
     far = size > FAR * np.quantile(size, USUAL)
     if not far.any():
         return np.flatnonzero(far)
-    last = np.maximum.accumulate(np.where(far, -1, np.arange(u.size)))
-    held = u[np.where(last < 0, np.argmin(far), last)]
+    rows = np.arange(u.size)
+    before = np.maximum.accumulate(np.where(far, -1, rows))
+    after = np.minimum.accumulate(np.where(far, u.size, rows)[::-1])[::-1]
+    before, after = np.where(before < 0, after, before), np.where(after == u.size, before, after)
+    usual = np.quantile(np.abs(np.diff(u[before])), USUAL)
+    far &= np.abs(u[after] - u[before]) <= (after - before) * usual
+    held = np.where(far, u[before], u)
     cells = axis_cells(times, {"u": u, "held": held}, {"q": position}, psi) if np.ptp(held) > 0 else None
     if cells is None:
         return np.flatnonzero(False)
