@@ -1,6 +1,6 @@
 """Whether the gains of a model's drives go with what recordings show: where they do not, an input's unit is another."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..errors import InputError
 from ..model.effects.drives import SpeedDrive
@@ -9,7 +9,13 @@ from ..recordings import GUESSED_GAIN, KNOWN_GAIN, Recording, contradiction, dri
 
 
 def check_model_gains(model: Model, recordings: Sequence[Recording]) -> None:
-    """Raises an InputError where a drive moves its axis far more, or less, than the model says it could.
+    """Raises an InputError with the first sentence of `doubtful_gains`, if there is one."""
+    for doubt in doubtful_gains(model, recordings):
+        raise InputError(f"{doubt}; --force takes it as it is")
+
+
+def doubtful_gains(model: Model, recordings: Sequence[Recording]) -> Iterator[str]:
+    """Yields a sentence on each input that moves its axis far more, or less, than the model says it could.
 
     A force `K u` on a mass `m` with damping `R` gives the acceleration `K/m` and, in the end, the speed `K/R` per unit
     of input. Guesses may be rough. A known gain is held against the acceleration alone, since dampings never are known.
@@ -36,8 +42,8 @@ def check_model_gains(model: Model, recordings: Sequence[Recording]) -> None:
                 found = {"force": found["force"]}
             ratio = contradiction(found, expected, KNOWN_GAIN if known else GUESSED_GAIN)
             if ratio is not None:
-                raise InputError(
+                yield (
                     f"{recording.name}, column {name}: the rig moves {ratio:.2g} times as much per"
                     f" {recording.units[name]} as the model's {parameter} of {gain:.4g} lets it;"
-                    f" {gain_remedy(recording, name, ratio)}, or correct {parameter}; --force takes it as it is"
+                    f" {gain_remedy(recording, name, ratio)}, or correct {parameter}"
                 )
