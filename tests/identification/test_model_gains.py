@@ -7,6 +7,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.identification.gains import check_model_gains
+from jbridge.identification.setting import prepared
 from jbridge.model.files import load_model
 from jbridge.recordings import Recording
 
@@ -27,6 +28,8 @@ def test_an_input_is_held_against_the_model(tmp_path, factor, known, doubted):
     rows = np.loadtxt(DEMO / "train-1.csv", delimiter=",", skiprows=1).T
     columns = dict(zip(("t", "u_x", "x", "psi"), rows * [[1], [factor], [1], [1]], strict=True))
     recording = Recording.from_arrays(**columns, name="run.csv", sidecar={"locked": {"l": 0.7}})
+    *_, told = prepared(model, [recording])
+    assert any("run.csv, column u_x" in sentence for sentence in told) == doubted
     if not doubted:
         check_model_gains(model, [recording])
         return
