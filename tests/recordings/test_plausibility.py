@@ -124,4 +124,6 @@ def test_no_number_is_too_small(recwarn):
     t = np.arange(0, 40, 0.1)
     u = np.sin(t)
     assert not runs_backwards(t, u, (t, 0.5 + 0.1 * np.sin(t / 3)), (t, 5e-322 * np.sin(t)))
+    assert not runs_backwards(t, 5e-322 * u, (t, 0.5 + 0.1 * np.sin(t / 3)), None)
+    assert not runs_backwards(t, 1e-200 * u, (t, 0.5 + 0.1 * np.sin(t / 3)), None)
     assert not list(recwarn)

@@ -24,6 +24,8 @@ FAR, USUAL = 10.0, 0.99
 HOLDS = 0.1
 """Share of the mean square, of a motion or of the forces, up to which an equation holds; those of measured rigs leave
 0.1 to 26 %, and exchanged columns 12 to 99 %."""
+TINY = 1e-100
+"""Size [SI] below which an input is none."""
 FOLLOWS = 0.5
 """Share of a motion's mean square below which it follows its input. Sines and slow inputs follow their own responses,
 too, and leave 0.1 of themselves, but then the motion follows the input as well."""
@@ -160,7 +162,7 @@ def response(cells: Cells, motion: np.ndarray, u: str, positive: list[np.ndarray
     for delay in LATE:
         felt = values[np.maximum(cell - delay, 0)]  # before the first row it is taken to have been as there
         parts = np.stack([felt[chosen], *others], axis=1)
-        sizes = np.maximum(np.abs(parts).max(axis=0), 1e-300)  # no square, and no factor, leaves the range of numbers
+        sizes = np.maximum(np.abs(parts).max(axis=0), TINY)  # no square, and no factor, leaves the range of numbers
         parts /= sizes
         triangle = np.asarray(np.linalg.qr(np.column_stack([parts, wanted]), mode="r"))
         count = parts.shape[1]
@@ -175,5 +177,5 @@ def response(cells: Cells, motion: np.ndarray, u: str, positive: list[np.ndarray
             errors = wanted - parts @ (way * factors)
             if against not in left or np.sum(errors**2) < np.sum(left[against] ** 2):
                 left[against] = errors
-                gain = gain if against else float(factors[0] / sizes[0])
+                gain = gain if against or sizes[0] <= TINY else float(factors[0] / sizes[0])
     return Response(wanted, left[False], left[True], gain)
