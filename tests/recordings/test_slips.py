@@ -275,6 +275,17 @@ def test_all_problems_are_found_at_once(tmp_path):
     assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
 
 
+def test_each_file_is_read_once(tmp_path, monkeypatch):
+    """Also where recordings are compared with each other: a file may be large, or a pipe."""
+    paths = [tmp_path / name for name in ("a.csv", "b.csv")]
+    for path in paths:
+        path.write_text(table(TRUTH))
+    opened, read = [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: opened.append(path) or read(path))
+    assert all(not each.problems for each in inspect_recordings(paths))
+    assert [path for path in opened if path.suffix == ".csv"] == paths
+
+
 def test_right_signs_are_confirmed(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(table(TRUTH))
