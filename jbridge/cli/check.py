@@ -61,9 +61,10 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         console("drawing")
         jbridge.save_check(arguments.out, inspections, text)
     console.show(text, lambda: _found(inspections, found, mismatch))
-    unread = any(each.recording is None for each in inspections)
-    if mismatch or (problems and (unread or not arguments.force)):
-        raise InputError([*problems, mismatch][0])
+    unread = [each.problems[-1] for each in inspections if each.recording is None]
+    refused = [*unread, mismatch] if arguments.force else [*problems, mismatch]
+    if any(refused):
+        raise InputError(refused[0])
 
 
 def _found(

@@ -137,8 +137,7 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
             readings.append(read(path, False, None, doubts.append))
         except InputError as error:
             readings.append(None)
-            # Where a column is nearly called like a channel, that a part is missing follows from it.
-            doubts[:] = doubts or [error]
+            doubts.append(error)
     signs = [
         {} if reading is None or doubts else signs_of(reading.recording)
         for reading, doubts in zip(readings, problems, strict=True)

@@ -58,7 +58,9 @@ def gathered(inspections: Sequence[Inspection]) -> list[str]:
     found: dict[tuple[str, ...], list[tuple[Path, str]]] = {}
     for each in inspections:
         path = Path(each.path)
-        for problem in each.problems:
+        # Where a column is nearly called like a channel, that nothing could be read follows from it.
+        follows = each.recording is None and len(each.problems) > 1
+        for problem in each.problems[:-1] if follows else each.problems:
             said = problem.replace(each.path, "").replace(path.with_suffix(".toml").name, "")
             found.setdefault((str(path.parent), path.suffix, _NUMBER.sub("", said)), []).append((path, problem))
     problems = []

@@ -222,6 +222,15 @@ def test_a_problem_that_files_share_is_said_once(rig, capsys):
     assert status == 0 and "NOTHING IS PLAINLY WRONG" in out
 
 
+def test_what_force_cannot_take_is_said(rig, capsys):
+    (rig / "a.csv").write_text((rig / "a.csv").read_text().replace("u_x", "voltage").replace("x", "pos", 1))
+    assert main(["check", "a.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert out.startswith("2 PROBLEMS") and "nothing measured" not in out and "voltage: not used" in err
+    assert main(["check", "a.csv", "--force"]) == 2
+    assert "nothing measured" in capsys.readouterr().err
+
+
 def test_check_says_which_numbers_can_be_told(rig, capsys):
     assert main(["check", "model.toml", "a.csv", "b.csv"]) == 0
     out = capsys.readouterr().out

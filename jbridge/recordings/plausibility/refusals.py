@@ -18,7 +18,7 @@ def place(channels: Channels) -> str:
 
 
 def base_unit(unit: str) -> str:
-    """Returns the unit of what a unit measures, for inputs; one of a length, an angle or a time has no other there."""
+    """Returns V or A for a unit of voltage or current, so that these are not mixed; nothing for any other unit."""
     return BASE_UNITS.get(unit, unit if unit in BASE_UNITS.values() else "")
 
 
