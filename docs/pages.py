@@ -16,7 +16,7 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
-SHOWN = (".png", ".svg", "-table.md")
+SHOWN = (".png", ".svg", ".md")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

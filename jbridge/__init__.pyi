@@ -30,6 +30,7 @@ from .fuzzy.files.fis_writer import save_fis as save_fis
 from .identification.fit import Starts as Starts
 from .identification.fit import fit as fit
 from .identification.fit import fit_from_many as fit_from_many
+from .identification.gains import check_model_gains as check_model_gains
 from .identification.identifiability import Identifiability as Identifiability
 from .identification.identifiability import identifiability as identifiability
 from .identification.result import Fit as Fit

@@ -3,9 +3,12 @@
 import contextlib
 import importlib.resources
 import io
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import jax
@@ -44,6 +47,20 @@ def test_commands_are_accepted(line):
 
 def test_every_command_is_shown():
     assert {shlex.split(line)[1] for line in LINES} >= COMMANDS.keys()
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    """Links, anchors and docstrings; `make docs` runs the tutorials as well."""
+    for plugin in ("mkdocs", "material", "mkdocs_jupyter", "mkdocstrings"):
+        pytest.importorskip(plugin, reason="needs MkDocs: make docs installs it")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)],
+        cwd=ROOT, env=os.environ | {"JBRIDGE_RUN_TUTORIALS": "false", "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in ("index.html", "api/index.html", "commands/index.html", "tutorials/course/index.html"):
+        assert (tmp_path / name).is_file(), name
 
 
 def python_blocks(name):
@@ -139,6 +156,21 @@ def test_check_prints_what_the_page_shows(tmp_path, monkeypatch, capsys):
     (tmp_path / "monday-1.toml").write_text(f"[columns]\n{line}\n", encoding="utf-8")
     assert main(["check", "monday-1.csv"]) == 0
     assert "NOTHING IS PLAINLY WRONG" in capsys.readouterr().out
+
+
+def test_the_model_and_the_sidecar_of_the_page_are_read(tmp_path):
+    """The demo's recording, with the names and the sign of angle that the page speaks of."""
+    blocks = FENCED.findall((ROOT / "docs/own-rig.md").read_text(encoding="utf-8"))
+    model, sidecar = (body for kind, body in blocks if kind == "toml")
+    (tmp_path / "model.toml").write_text(model, encoding="utf-8")
+    (tmp_path / "recordings.toml").write_text(sidecar, encoding="utf-8")
+    assert jbridge.load_model(tmp_path / "model.toml").known >= {"cart_mass", "load_mass", "gravity"}
+    rows = np.loadtxt(ROOT / "jbridge/demo_data/train-1.csv", delimiter=",", skiprows=1)
+    shown = {"t": rows[:, 0], "voltage": rows[:, 1], "position": rows[:, 2], "angle": -rows[:, 3]}
+    jbridge.save_csv(tmp_path / "monday-1.csv", shown)
+    recording = jbridge.load_recording(tmp_path / "monday-1.csv")
+    np.testing.assert_array_equal(recording.psi, rows[:, 3])
+    assert recording.locked_length == 0.2485
 
 
 @pytest.mark.slow

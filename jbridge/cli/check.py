@@ -51,6 +51,8 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         console("linearising")
         recordings = [each.recording for each in inspections if each.recording is not None]
         try:
+            if not arguments.force:
+                jbridge.check_model_gains(model, recordings)
             found = jbridge.identifiability(model, recordings) if recordings else None
         except InputError as error:
             mismatch = str(error)
@@ -59,9 +61,10 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         console("drawing")
         jbridge.save_check(arguments.out, inspections, text)
     console.show(text, lambda: _found(inspections, found, mismatch))
-    unread = any(each.recording is None for each in inspections)
-    if mismatch or (problems and (unread or not arguments.force)):
-        raise InputError([*problems, mismatch][0])
+    unread = [each.problems[-1] for each in inspections if each.recording is None]
+    refused = [*unread, mismatch] if arguments.force else [*problems, mismatch]
+    if any(refused):
+        raise InputError(refused[0])
 
 
 def _found(

@@ -150,6 +150,8 @@ def loaded(
     recordings = jbridge.load_recordings(learnt, force=arguments.force)
     # All together are checked against each other, yet nothing about a hold-out may colour the others.
     every = jbridge.load_recordings(paths, force=arguments.force) if arguments.holdout else ()
+    if not arguments.force:
+        jbridge.check_model_gains(model, [*recordings, *every[len(recordings) :]])
     return model, recordings, every[len(recordings) :]
 
 

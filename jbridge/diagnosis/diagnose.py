@@ -164,13 +164,16 @@ def _told(
     )
     worst = checked.worst((checked.after, checked.train_after))
     _, unit = QUANTITIES.get(worst[1], ("", ""))
-    sizes = [run.errors(worst[2]).get(worst[1], 0.0) for run in (checked.after, checked.train_after)]
+    proof, others = (run.errors(worst[2]).get(worst[1], 0.0) for run in (checked.after, checked.train_after))
+    remains = amount(max(proof, others), unit)
+    if others > proof:
+        remains += f" ({amount(proof, unit)} on the hold-out)"
     statement = verdict_sentence(
         verdict,
         effects,
         checked.explained,
         worst,
-        amount(max(sizes), unit),
+        remains,
         complete=complete,
         stopped=search.stopped,
     )

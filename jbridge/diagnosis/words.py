@@ -104,7 +104,7 @@ def verdict_sentence(
         explained: share of the hold-out's error that confirmed ones close, by channel in which there is any.
         worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
             [s].
-        remains: that error with its unit.
+        remains: that error with its unit, and that of the hold-out where it is smaller.
         complete: whether what remains is noise or measured scatter.
         stopped: why the search ended.
     """
@@ -131,7 +131,8 @@ def verdict_sentence(
             f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(explained)}; "
             f"what remains, {left}.{late}"
         )
-    return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}.{late}"
+    tried = "that was tried" if late else "in the catalogue"
+    return f"Something is missing, and nothing {tried} explains the hold-out: what remains, {left}.{late}"
 
 
 def _shares(explained: Mapping[str, float]) -> str:

@@ -19,6 +19,7 @@ from ..model.steps import RIGID
 from ..recordings import Recording, check_units, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned
+from .gains import doubtful_gains
 
 PART_OF = {
     "cart_mass": "x",
@@ -68,7 +69,7 @@ class Setting:
 def prepared(
     model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> tuple[Model, Setting, tuple[str, ...]]:
-    """Model and recordings that go together, with sentences on what was taken for known.
+    """Model and recordings that go together, with sentences on what was taken for known or is doubtful.
 
     Args:
         model: as given.
@@ -78,10 +79,11 @@ def prepared(
     Raises:
         InputError: see `make_setting`.
     """
+    doubts = tuple(doubt for doubt, _ in doubtful_gains(model, (*recordings, *holdout)))
     model, same = with_overrides(model, recordings)
     setting = make_setting(model, recordings, holdout)
     model, scale = with_a_scale(model, setting.axes)
-    return model, setting, (*same, *scale)
+    return model, setting, (*doubts, *same, *scale)
 
 
 def with_overrides(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:

@@ -12,15 +12,24 @@ from jbridge.recordings.load import (
     load_recording,
     load_recordings,
 )
+from jbridge.recordings.plausibility.gains import GUESSED as GUESSED_GAIN
+from jbridge.recordings.plausibility.gains import KNOWN as KNOWN_GAIN
+from jbridge.recordings.plausibility.gains import contradiction, drive_gains
+from jbridge.recordings.plausibility.gains import remedy as gain_remedy
 from jbridge.recordings.recording import Recording, covered_by
 from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
+    "GUESSED_GAIN",
     "Inspection",
+    "KNOWN_GAIN",
     "Recording",
     "check_units",
     "constant_inputs",
+    "contradiction",
     "covered_by",
+    "drive_gains",
+    "gain_remedy",
     "inspect_recordings",
     "load_recording",
     "load_recordings",

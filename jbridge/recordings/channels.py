@@ -100,7 +100,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     }
     whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
     check_finite(whole.error, "t", times)
-    check_times(whole.error, times)
+    check_times(whole.error, times, columns["t"])
     channels = trim(path, whole, declared)
     for name, values in channels.values.items():
         check_finite(channels.error, name, values)
@@ -142,12 +142,12 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
             columns[channel] = column
         elif column.name in table.unusable:
             raise InputError(
-                f"{path}, column {column.name}: {table.unusable[column.name]}, where a vector with a number"
+                f"{path}, column {cut(column.name)}: {table.unusable[column.name]}, where a vector with a number"
                 f" per sample belongs; save it as one, or rename it"
             )
         elif channel in declared.columns and column.name not in table.faulty:
             raise InputError(
-                f"{table.header}: no column {column.name}, which {declared.source} declares for {channel};"
+                f"{table.header}: no column {cut(column.name)}, which {declared.source} declares for {channel};"
                 f" the columns are {listed(map(quoted, table.columns))}"
             )
     for name, error in table.faulty.items():
@@ -188,7 +188,7 @@ def no_time(path: Path, table: Table) -> InputError:
         meant = near_column("t", names)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         sidecar = path.with_suffix(".toml").name
-        found, remedy = listed(map(quoted, names)), f"rename one, or map it in {sidecar}: [columns] {line}"
+        found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under [columns] in {sidecar}"
         return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
     held = (
         ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"

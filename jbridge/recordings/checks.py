@@ -1,11 +1,14 @@
 """What no recording of a bridge can contain, from times that stand still to degrees called radians."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from math import isclose
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from jbridge.errors import InputError
+from jbridge.recordings.tables.columns import UNITS, Column
 
 LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig is measured."""
@@ -14,6 +17,8 @@ SHORTEST = 1e-6
 """Time between rows [s] that no log of a rig has: times that differ by less come from arithmetic, not from a clock."""
 OFTEN = 0.05
 """Share of rows with a wrong time from which the column is at fault, not a few rows."""
+FASTEST = 50e-6
+"""Time between rows [s] below which the unit of the time is doubted."""
 SLOWEST = 0.5
 """Time between rows [s] that leaves less than three samples of a swing on a rope of 0.5 m."""
 GRAVITY = 9.81
@@ -49,13 +54,19 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
         raise refuse(sample, name, f"{values[sample]:g} in SI units is beyond 1e6; {remedy}")
 
 
-def check_times(refuse: Refuse, times: np.ndarray) -> None:
-    """Raises the InputError for the first time that does not come after the one before, by a microsecond or more."""
+def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
+    """Raises the InputError for the first time that does not come after the one before, by a microsecond or more.
+
+    Args:
+        refuse: makes the error.
+        times: of the rows [s].
+        column: that they were read from.
+    """
     bad = np.diff(times) < SHORTEST
     if bad.any():
         sample = int(bad.argmax()) + 1
         now, before = times[sample], times[sample - 1]
-        often = why_often(np.diff(times))
+        often = why_often(np.diff(times), column)
         if often:
             raise refuse(sample, "t", often)
         if now > before:
@@ -74,8 +85,24 @@ def check_times(refuse: Refuse, times: np.ndarray) -> None:
         )
 
 
-def why_often(steps: np.ndarray) -> str:
+def with_longer_unit(column: Column, step: float) -> Column | None:
+    """Returns the column of a time in the unit that makes the time between its rows [s] that of a log, if one does."""
+    sizes = UNITS["t"]
+    for factor in (1e3, 1e6):
+        if FASTEST <= factor * step <= SLOWEST:
+            if column.scale is not None:
+                return replace(column, scale=column.scale * factor)
+            for name, size in sizes.items():
+                if isclose(size, factor * sizes[column.unit]):
+                    return replace(column, unit=name)
+    return None
+
+
+def why_often(steps: np.ndarray, column: Column) -> str:
     """Returns why times fail to increase in more than one row of twenty, and what to do; nothing if they do not."""
+    longer = with_longer_unit(column, float(np.median(steps)))
+    if longer is not None and np.median(steps) < SHORTEST:
+        return f"a row every {np.median(steps):.3g} s is no log of a rig; declare {longer.line('t')} under [columns]"
     same, falls = float(np.mean(np.abs(steps) < SHORTEST)), float(np.mean(steps <= -SHORTEST))
     if falls > OFTEN and falls + same == 1:
         return "the time falls from row to row; sort the rows by time"

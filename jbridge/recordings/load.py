@@ -13,8 +13,15 @@ from jbridge.recordings.channels import Channels, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.parts import Parts, find_parts
+from jbridge.recordings.plausibility.gains import check_gains
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
-from jbridge.recordings.plausibility.units import doubtful_absence, doubtful_angle, doubtful_names, doubtful_units
+from jbridge.recordings.plausibility.units import (
+    doubtful_absence,
+    doubtful_angle,
+    doubtful_inputs,
+    doubtful_names,
+    doubtful_units,
+)
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -57,15 +64,23 @@ def load_recordings(
     Raises:
         InputError: as `load_recording`; also for a file named twice, and for an input in two units.
     """
+    check_named_once(paths)
+    readings = [read(path, False, sidecar, ignore if force else refuse) for path in paths]
+    recordings = [reading.recording for reading in readings]
+    check_units(paths, recordings)
+    if not force:
+        check_gains(paths, recordings)
+    return tuple(share_holds(reading, readings) for reading in readings)
+
+
+def check_named_once(paths: Sequence[PathLike]) -> None:
+    """Raises an InputError for a file that is named twice."""
     seen: set[Path] = set()
     for path in paths:
         resolved = Path(path).resolve()
         if resolved in seen:
             raise InputError(f"{path}: the recording is named twice; name it once")
         seen.add(resolved)
-    readings = [read(path, False, sidecar, ignore if force else refuse) for path in paths]
-    check_units(paths, [reading.recording for reading in readings])
-    return tuple(share_holds(reading, readings) for reading in readings)
 
 
 def check_units(names: Sequence[PathLike], recordings: Sequence[Recording]) -> None:
@@ -115,22 +130,41 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
 
     What several recordings contradict each other in is the problem of the last one.
     """
-    found = []
-    for path in paths:
-        problems: list[InputError] = []
-        reading = None
+    readings: list[Reading | None] = []
+    problems: list[list[InputError]] = [[] for _ in paths]
+    for path, doubts in zip(paths, problems, strict=True):
         try:
-            reading = read(path, False, None, problems.append)
+            readings.append(read(path, False, None, doubts.append))
         except InputError as error:
-            problems.append(error)
-        recording, columns = (None, {}) if reading is None else (reading.recording, reading.columns)
-        signs = {} if recording is None or problems else signs_of(recording)
-        found.append(Inspection(str(path), recording, columns, signs, tuple(map(str, problems))))
-    try:
-        load_recordings([each.path for each in found if each.recording is not None], force=True)
-    except InputError as error:
-        found[-1] = replace(found[-1], problems=(*found[-1].problems, str(error)))
-    return tuple(found)
+            readings.append(None)
+            doubts.append(error)
+    signs = [
+        {} if reading is None or doubts else signs_of(reading.recording)
+        for reading, doubts in zip(readings, problems, strict=True)
+    ]
+    every = [reading for reading in readings if reading is not None]
+    names = [path for path, reading in zip(paths, readings, strict=True) if reading is not None]
+    recordings = [reading.recording for reading in every]
+    for check in (
+        lambda: check_named_once(names),
+        lambda: check_units(names, recordings),
+        lambda: check_gains(names, recordings),
+    ):
+        try:
+            check()
+        except InputError as error:
+            problems[-1].append(error)
+            break
+    return tuple(
+        Inspection(
+            str(path),
+            None if reading is None else share_holds(reading, every),
+            {} if reading is None else reading.columns,
+            sign,
+            tuple(map(str, doubts)),
+        )
+        for path, reading, sign, doubts in zip(paths, readings, signs, problems, strict=True)
+    )
 
 
 @dataclass(frozen=True)
@@ -171,7 +205,7 @@ def make_reading(
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values
     of_units = [*doubtful_units(channels), *doubtful_angle(channels, parts.locked_length)]
-    for doubt in of_units:
+    for doubt in (*of_units, *doubtful_inputs(channels)):
         tell(doubt)
     measured = {name: values[name] for name in MEASURED if name in values}
     resolution = {

@@ -44,7 +44,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
     if "x" in values and "u_x" not in values:
         raise InputError(
             f"{header}: a column x but no u_x; add the input of the cart's drive (zeros if the motor was off)"
-            f", or map it in {sidecar_name}: [columns] {line_for('u_x', channels)}"
+            f", or declare {line_for('u_x', channels)} under [columns] in {sidecar_name}"
         )
     if not inputs_only:
         require_measurement(header, values)
@@ -55,15 +55,15 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
         if np.ptp(values["u_l"]) > 0:
             raise InputError(
                 f"{header}: u_l varies, but {declared.source} declares a locked rope; remove [locked], or"
-                " leave the input out: [columns] u_l = false"
+                " declare u_l = false under [columns], which leaves the input out"
             )
         unused.add("u_l")
         notes.append("The rope is declared locked, so u_l, which never changes, is not used.")
     elif "u_l" in values and "l" not in values and not inputs_only:
         raise InputError(
-            f"{header}: a column u_l but no l; add the rope length, or map it in {sidecar_name}: [columns]"
-            f" {line_for('l', channels)}; if the rope was locked, leave the input out: [columns] u_l = false and"
-            " [locked] l = 0.7 (its length)"
+            f"{header}: a column u_l but no l; add the rope length, or declare {line_for('l', channels)}"
+            f" under [columns] in {sidecar_name}; if the rope was locked, declare u_l = false there, and its length in"
+            " m, such as l = 0.7, under [locked]"
         )
     if "u_l" in values and "u_l" not in unused:
         return Parts(None, frozenset(unused), tuple(notes))
@@ -94,8 +94,9 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
             int(np.abs(length - middle).argmax()),
             "l",
             f"without u_l the rope is locked, but its length varies by {np.ptp(length) * 1000:.0f} mm, over"
-            f" {MOST_MOTION * 1000:.0f}; map the hoist's input in {path.with_suffix('.toml').name}: [columns]"
-            f" {line_for('u_l', channels)}, or leave the length out: l = false and [locked] l = 0.7 (its length)",
+            f" {MOST_MOTION * 1000:.0f}; declare the hoist's input, {line_for('u_l', channels)}, under [columns] in"
+            f" {path.with_suffix('.toml').name}, or l = false there, and the rope's length in m, such as"
+            " l = 0.7, under [locked]",
         )
     load = "psi" in values or length is not None
     if not load and not inputs_only:
@@ -114,7 +115,7 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
         return start, f"There is no u_l, so the rope is taken as locked at its initial length, {start:g} m."
     if "psi" in values:
         raise InputError(
-            f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; write it"
-            f" in {path.with_suffix('.toml').name}: [locked] l = 0.7 (in m, pivot to load centre)"
+            f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; declare it, from"
+            f" pivot to load centre in m, such as l = 0.7, under [locked] in {path.with_suffix('.toml').name}"
         )
     return None, ""

@@ -1,11 +1,13 @@
 """How recordings were read, what is wrong with them, and which parameters they determine, before anything is fitted."""
 
+import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from ..errors import listed
 from ..identification.data.noise import noise_floor
 from ..identification.identifiability import Identifiability
 from ..recordings import Inspection, Recording
@@ -17,6 +19,8 @@ from .text.rows import error_text
 from .text.words import CHANNELS
 
 _WIDTH = 80
+_NUMBER = re.compile(r"\d[\d.e+-]*")
+_TABLE = re.compile(r"\[(columns|locked|trim)\]")
 _INPUTS = {"u_x": "input of the cart", "u_l": "input of the hoist"}
 _SIGNS = {
     True: "fits the laws of motion",
@@ -35,9 +39,7 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
         found: what a fit could tell, if there was a model.
         model_problem: why model and recordings do not go together, if so.
     """
-    problems = [problem for each in inspections for problem in each.problems] + (
-        [model_problem] if model_problem else []
-    )
+    problems = gathered(inspections) + ([model_problem] if model_problem else [])
     if problems:
         # A line that mends something is to be copied, so that it is not broken.
         lines = [f"{len(problems)} PROBLEM{'S' if len(problems) > 1 else ''}", *(f"- {text}" for text in problems)]
@@ -49,6 +51,27 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
     if found is not None:
         lines += ["", *_numbers(found)]
     return "\n".join(lines) + "\n"
+
+
+def gathered(inspections: Sequence[Inspection]) -> list[str]:
+    """Returns the problems, one that several files of a folder share only once: with what mends it for all of them."""
+    found: dict[tuple[str, ...], list[tuple[Path, str]]] = {}
+    for each in inspections:
+        path = Path(each.path)
+        # Where a column is nearly called like a channel, that nothing could be read follows from it.
+        follows = each.recording is None and len(each.problems) > 1
+        for problem in each.problems[:-1] if follows else each.problems:
+            said = problem.replace(each.path, "").replace(path.with_suffix(".toml").name, "")
+            found.setdefault((str(path.parent), path.suffix, _NUMBER.sub("", said)), []).append((path, problem))
+    problems = []
+    for (_, suffix, _), shared in found.items():
+        (path, problem), *others = shared
+        if others:
+            problem = problem.replace(path.with_suffix(".toml").name, "recordings.toml")
+            problem = _TABLE.sub(rf'["*{suffix}".\1]', problem)
+            problem += f" (likewise {listed((other.name for other, _ in others), limit=3)})"
+        problems.append(problem)
+    return problems
 
 
 @alone_in_folder
@@ -102,7 +125,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
                 parts.append(f"new in {percent(float(fresh))} of the rows")
         if np.ptp(values) == 0:
             parts.append("never changes" + ("; is the sensor connected?" if channel in ("x", "psi") else ""))
-        yield f"  {read}: {'; '.join(parts)}"
+        yield from textwrap.wrap(f"  {read}: {'; '.join(parts)}", _WIDTH, subsequent_indent="       ")
     if recording.locked_length is not None:
         yield f"  rope locked at {recording.locked_length:.4g} m"
     for name, right in inspection.signs.items():
@@ -112,7 +135,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
 
 
 def _numbers(found: Identifiability) -> Iterator[str]:
-    yield "Parameters that a fit would estimate, and the accuracy that these recordings allow"
+    yield "Parameters that a fit would estimate, to the accuracy that recordings allow"
     width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]

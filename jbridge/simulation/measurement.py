@@ -26,8 +26,8 @@ def sample_times(plant: Plant, lane: Lane) -> Float[Array, " sample"]:
     return lane.start + jnp.concatenate([jnp.zeros(1, lane.dt.dtype), jnp.cumsum(lane.dt)])
 
 
-class Path(NamedTuple):
-    """A motion as the encoders follow it."""
+class History(NamedTuple):
+    """The motion at the encoders up to now, which late sensors still read."""
 
     times: Float[Array, " sample"]
     q: Axes
@@ -37,7 +37,7 @@ class Path(NamedTuple):
 def read(plant: Plant, times: Float[Array, " sample"], motion: Motion, rate: Motion) -> Float[Array, "sample 3"]:
     """What the sensors read of a motion that is given at some times [s], without noise or rounding."""
     q, v = encoded(plant, motion, rate)
-    return sensed(plant, times, q, Path(times, q, v))
+    return sensed(plant, times, q, History(times, q, v))
 
 
 def encoded(plant: Plant, motion: Motion, rate: Motion) -> tuple[Axes, Axes]:
@@ -55,21 +55,21 @@ def encoded(plant: Plant, motion: Motion, rate: Motion) -> tuple[Axes, Axes]:
     return q, v
 
 
-def sensed(plant: Plant, times: Float[Array, " sample"], q: Axes, path: Path) -> Float[Array, "sample 3"]:
+def sensed(plant: Plant, times: Float[Array, " sample"], q: Axes, history: History) -> Float[Array, "sample 3"]:
     """Readings at some times.
 
     Args:
         plant: whose sensors they are.
         times: [s].
         q: coordinates at the encoders then.
-        path: the motion up to then, into which late sensors look back.
+        history: the motion up to then, into which late sensors look back.
     """
     channels = []
     for axis in ("x", "psi", "l"):
         truth = getattr(q, axis)
         for effect in plant.all(SensorDelay):
             if AXIS_OF_SITE[effect.site] == axis:
-                seen = path.times, getattr(path.q, axis), getattr(path.v, axis)
+                seen = history.times, getattr(history.q, axis), getattr(history.v, axis)
                 law = functools.partial(_late, times, *seen, effect.delay)
                 truth = plant.after(law, truth, effect)
 
@@ -89,7 +89,7 @@ def _late(
     delay: Scalar,
     now: Float[Array, " time"],
 ) -> Float[Array, " time"]:
-    """A path `delay` before some times, by cubic Hermite interpolation; before its first sample the motion is continued
+    """A coordinate `delay` before some times, by cubic Hermite interpolation; before its first sample it is continued
     backwards. What is read `now` is not needed."""
     wanted = at - delay
     k = jnp.clip(jnp.searchsorted(times, wanted, side="right") - 1, 0, times.shape[0] - 2)

@@ -1,6 +1,7 @@
 """The command: what it accepts, what it prints where, and how it ends."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -167,6 +168,21 @@ def test_a_wrong_sign_is_refused_before_anything_runs(rig, calls, capsys, comman
     assert main([*command.split(), "t.csv", "--out", "mended"]) == 0
 
 
+@pytest.mark.parametrize(
+    "command", ["simulate model.toml --input", "fit model.toml", "diagnose model.toml", "check model.toml"]
+)
+def test_an_input_that_the_models_gain_contradicts_is_refused(rig, calls, capsys, command):
+    """Volts that are logged 400-fold; every number of the recording is one that a rig may have."""
+    (rig / "model.toml").write_text(MODEL.replace("known = [", 'known = ["cart_gain", '))
+    turned("t.csv")
+    columns = np.loadtxt("t.csv", delimiter=",", skiprows=1).T * [[1.0], [-400.0], [1.0]]
+    jbridge.save_csv("t.csv", dict(zip(("t", "u_x", "x"), columns, strict=True)))
+    assert main([*command.split(), "t.csv", "--out", "out"]) == 2
+    err = capsys.readouterr().err
+    assert "t.csv, column u_x" in err and "the model's cart_gain" in err and err.count("\n") == 1
+    assert main([*command.split(), "t.csv", "--out", "out", "--force"]) == 0
+
+
 def test_check_says_what_was_read(rig, capsys):
     turned("t.csv")
     (rig / "t.toml").write_text("[columns]\nu_x = {sign = -1}\n")
@@ -187,6 +203,33 @@ def test_check_lists_all_problems(rig, capsys):
     assert 'u_x = {column = "voltage", unit = "V"}' in out and "gone.csv: no such file" in out
     assert {path.name for path in (rig / "out").iterdir()} == {"check.html", "check.png"}
     assert main(["check", "t.csv", "--force"]) == 0
+
+
+def test_a_problem_that_files_share_is_said_once(rig, capsys):
+    """With what mends it for all of them; the numbers of each may differ."""
+    for k, name in enumerate(("a.csv", "b.csv", "c.csv")):
+        columns = np.loadtxt(name, delimiter=",", skiprows=1).T * [[1.0], [1.0], [1e3 + k]]
+        jbridge.save_csv(name, dict(zip(("t", "volts", "x"), columns, strict=True)))
+    assert main(["check", "a.csv", "b.csv", "c.csv"]) == 2
+    out = capsys.readouterr().out
+    assert out.startswith("1 PROBLEM\n") and "(likewise b.csv, c.csv)" in out
+    written = []
+    for channel in ("u_x", "x"):
+        [line] = re.findall(rf'declare ({channel} = {{.*?}}) under \["\*.csv".columns\] in recordings.toml', out)
+        written.append(line)
+        (rig / "recordings.toml").write_text('["*.csv".columns]\n' + "\n".join(written) + "\n")
+        status = main(["check", "a.csv", "b.csv", "c.csv"])
+        out = capsys.readouterr().out
+    assert status == 0 and "NOTHING IS PLAINLY WRONG" in out
+
+
+def test_what_force_cannot_take_is_said(rig, capsys):
+    (rig / "a.csv").write_text((rig / "a.csv").read_text().replace("u_x", "voltage").replace("x", "pos", 1))
+    assert main(["check", "a.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert out.startswith("2 PROBLEMS") and "nothing measured" not in out and "voltage: not used" in err
+    assert main(["check", "a.csv", "--force"]) == 2
+    assert "nothing measured" in capsys.readouterr().err
 
 
 def test_check_says_which_numbers_can_be_told(rig, capsys):

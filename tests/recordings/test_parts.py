@@ -48,7 +48,7 @@ def test_a_declared_length_replaces_the_column(write, chosen):
 def test_a_locked_rope_of_unknown_length_is_refused(write, refusal, chosen):
     message = refusal(write(chosen("t u_x x psi")))
     assert "unknown length" in message
-    assert "run.toml: [locked] l = 0.7" in message
+    assert "l = 0.7, under [locked] in run.toml" in message
 
 
 @pytest.mark.parametrize("sidecar", ["", "[locked]\nl = 0.7\n"])

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.real_rigs import run
-from jbridge.recordings.plausibility.motion import misread_swing, runs_backwards
+from jbridge.recordings.plausibility.drive import is_input, runs_backwards, unfelt_rows
+from jbridge.recordings.plausibility.motion import misread_swing
 from jbridge.recordings.plausibility.signs import is_swapped
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +22,7 @@ MODES = {
     "a sine": lambda w: 3.0 * np.sin(w["pace"] * w["t"]),
     "a swing damper": lambda w: 0.3 * w["gain"] * (w["place"] - w["x"] - 0.6 * w["v"]) + 5.0 * w["psi"],
     "a speed loop": lambda w: w["gain"] * (w["place"] - w["v"]),
+    "sums of sines": lambda w: 3.0 * np.sin(w["pace"] * w["t"]) * np.cos(0.3 * w["pace"] * w["t"] + w["hold"]),
 }
 
 
@@ -45,6 +47,7 @@ def worlds(mode: str) -> dict[str, np.ndarray]:
         seen["x"][row] = x + noise_x * key.standard_normal(WORLDS)
         seen["psi"][row] = psi + noise_psi * key.standard_normal(WORLDS)
         now = {"t": t, "x": x, "v": v, "psi": psi, "level": level, "place": place, "gain": gain, "pace": pace}
+        now["hold"] = hold
         u[row] = np.clip(MODES[mode](now), -10.0, 10.0)
         felt = u[np.maximum(row - late, 0), np.arange(WORLDS)]
         for _ in range(STEPS):
@@ -61,7 +64,7 @@ def worlds(mode: str) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("mode", MODES)
 def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
     seen = worlds(mode)
-    t, found = seen["t"], np.zeros(2)
+    t, found = seen["t"], np.zeros(4)
     for k in range(WORLDS):
         x, psi, u = (t, seen["x"][:, k]), (t, seen["psi"][:, k]), seen["u"][:, k]
         rope = t[[0, -1]], np.full(2, seen["l"][k])
@@ -69,12 +72,42 @@ def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
         assert not is_swapped(t, psi, x, rope)
         for load in (psi, None):
             assert not runs_backwards(t, u, x, load)
+            assert not is_input(t, u, x, load)
+            assert not unfelt_rows(t, u, x, load).size
         turned = misread_swing(t, (t, -psi[1]), x, rope)
-        found += [turned is not None and turned.turned, runs_backwards(t, -u, x, psi)]
+        glitch = np.where(np.arange(t.size) == 700, 1e4, u)
+        unfelt = unfelt_rows(t, glitch, x, psi).tolist()
+        assert unfelt in ([], [700])
+        exchanged = is_input(t, x[1], (t, u), psi)
+        found += [turned is not None and turned.turned, runs_backwards(t, -u, x, psi), unfelt == [700], exchanged]
     if mode == "steps":
         assert found.min() > 0.5 * WORLDS
+    if mode == "sums of sines":
+        assert found[3] > 0.3 * WORLDS
     if mode == "a fixed cart":
         assert found.max() == 0
+
+
+def test_the_kick_of_a_controller_is_no_slip():
+    """Logged before the drive cuts it off, which leaves the motion as little of it as of a wild sample."""
+    period, key, found = 0.01, np.random.default_rng(0), 0
+    t = np.arange(2000) * period
+    for _ in range(30):
+        mass, gain, slow, pull = key.uniform(0.5, 5.0), key.uniform(10, 60), key.uniform(1, 10), key.uniform(1, 8)
+        reference = np.zeros(t.size)
+        for row in key.integers(50, 1800, key.integers(1, 8)):
+            reference[row:] = key.uniform(-0.5, 0.5)
+        x, v, before, u, seen = 0.0, 0.0, 0.0, np.zeros(t.size), np.zeros(t.size)
+        for row in range(t.size):
+            error = reference[row] - x
+            u[row], before = gain * error + slow * (error - before) / period, error
+            seen[row] = x + 1e-4 * key.standard_normal()
+            v += period * (pull * np.clip(u[row], -10.0, 10.0) - v / mass)
+            x += period * v
+        assert not unfelt_rows(t, u, (t, seen), None).size
+        wild = np.where(np.arange(t.size) == 1900, 1e4, u)
+        found += 1900 in unfelt_rows(t, wild, (t, seen), None)
+    assert found > 5
 
 
 @pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason=f"the recordings are not at {SHARED}")
@@ -91,4 +124,6 @@ def test_no_number_is_too_small(recwarn):
     t = np.arange(0, 40, 0.1)
     u = np.sin(t)
     assert not runs_backwards(t, u, (t, 0.5 + 0.1 * np.sin(t / 3)), (t, 5e-322 * np.sin(t)))
+    assert not runs_backwards(t, 5e-322 * u, (t, 0.5 + 0.1 * np.sin(t / 3)), None)
+    assert not runs_backwards(t, 1e-200 * u, (t, 0.5 + 0.1 * np.sin(t / 3)), None)
     assert not list(recwarn)

@@ -62,7 +62,7 @@ REFUSED = {
     ),
     "u_l without l": (
         line_replaced(1, lambda line: line[:-1] + "length"),
-        ["row 1", "u_l but no l", "run.toml", "[locked] l = 0.7"],
+        ["row 1", "u_l but no l", "run.toml", "l = 0.7, under [locked]"],
     ),
     "duplicate column": (
         line_replaced(1, lambda line: line.replace("psi", "x")),

@@ -12,7 +12,7 @@ from jbridge.recordings import inspect_recordings, load_recording
 
 RECORDED = Path(__file__).parent / "whole_bridge.csv"
 Columns = dict[str, np.ndarray]
-MENDS = re.compile(r"(?:declare|map [a-z' ]+ in run\.toml: \[columns\]) ([a-z_]+ = \{.*?\})")
+MENDS = re.compile(r"declare (?:the hoist's input, )?([a-z_]+ = \{.*?\})")
 
 
 def truth() -> Columns:
@@ -63,6 +63,8 @@ MENDED = {
     "u_l turned": scaled(u_l=-1.0),
     "x turned": scaled(x=-1.0),
     "x turned about the rail's end": scaled() | {"x": 1.5 - TRUTH["x"]},
+    "u_x in mV": scaled(u_x=1e3),
+    "u_x in mV and turned": scaled(u_x=-1e3),
     "both inputs turned": scaled(u_x=-1.0, u_l=-1.0),
     "psi and u_x turned": scaled(psi=-1.0, u_x=-1.0),
     "psi in degrees and turned": scaled(psi=-180 / np.pi),
@@ -215,6 +217,14 @@ REFUSED = {
         edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?,.*?,)[^,]*", r"\g<1>9", n[60]), *n[61:]]),
         r"row 61, column x: .* away from the row above",
     ),
+    "a single wild input": (
+        edited(lambda n: [*n[:60], re.sub(r",[^,]*", ",60000.0", n[60], count=1), *n[61:]]),
+        r"row 61, column u_x: 6e\+04 V is far beyond all others, and the rig does not move that way; .*delete the row",
+    ),
+    "a single wild input of the hoist": (
+        edited(lambda n: [*n[:60], re.sub(r"(.*?,.*?),[^,]*", r"\g<1>,400.0", n[60], count=1), *n[61:]]),
+        r"row 61, column u_l: 400 V is far beyond all others",
+    ),
     "an unknown name for the position": (
         lambda: table(renamed(x="y")), r"u_x varies, but there is no x .* y, declare it, such as x = \{column = .y"
     ),
@@ -223,9 +233,9 @@ REFUSED = {
     "two files in one": (edited(lambda n: [*n, *n[1:]]), r"column t: .*keep one run in a file"),
     "two files with headers": (edited(lambda n: [*n, *n]), r"column t: 't' is text"),
     "no header": (edited(lambda n: n[1:]), r"row 1: numbers where the names"),
-    "no input": (lambda: table(only("t x psi l u_l")), r"x but no u_x; .*map it in run\.toml"),
-    "no rope length": (lambda: table(only("t u_x u_l x psi")), r"u_l but no l; .*\[locked\] l = 0\.7"),
-    "a rope that moves without input": (lambda: table(only("t u_x x psi l")), r"map the hoist's input"),
+    "no input": (lambda: table(only("t x psi l u_l")), r"x but no u_x; .*declare u_x = .* in run\.toml"),
+    "no rope length": (lambda: table(only("t u_x u_l x psi")), r"u_l but no l; .*l = 0\.7, under \[locked\]"),
+    "a rope that moves without input": (lambda: table(only("t u_x x psi l")), r"declare the hoist's input"),
     "no time": (lambda: table(only("u_x x psi l u_l")), r"no column t for the time"),
     "one name twice": (edited(lambda n: [n[0].replace("psi", "x"), *n[1:]]), r"name is there twice"),
     "psi and l swapped": (lambda: table(renamed(psi="l", l="psi")), r"column l: a rope length"),
@@ -263,6 +273,17 @@ def test_all_problems_are_found_at_once(tmp_path):
     path.write_text(table(scaled(u_x=-1.0, u_l=-1.0, psi=-1.0)))
     (inspected,) = inspect_recordings([path])
     assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
+
+
+def test_each_file_is_read_once(tmp_path, monkeypatch):
+    """Also where recordings are compared with each other: a file may be large, or a pipe."""
+    paths = [tmp_path / name for name in ("a.csv", "b.csv")]
+    for path in paths:
+        path.write_text(table(TRUTH))
+    opened, read = [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: opened.append(path) or read(path))
+    assert all(not each.problems for each in inspect_recordings(paths))
+    assert [path for path in opened if path.suffix == ".csv"] == paths
 
 
 def test_right_signs_are_confirmed(tmp_path):

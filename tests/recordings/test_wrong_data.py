@@ -164,6 +164,7 @@ def test_names_are_cut_and_control_characters_refused(tmp_path):
     ("name", "said", "unit"),
     [
         ("t", "t [ms]", "s"),
+        ("t", "t [us]", "s"),
         ("x", "x [mm]", "m"),
         ("x", "x [cm]", "m"),
         ("x", "x [um]", "m"),

@@ -28,6 +28,8 @@ CUT = """() => {
   const said = (nodes) => nodes.map((node) => node.outerHTML.slice(0, 200));
   return { out: said(out), wide: said(wide) };
 }"""
+# Whether what lies below each heading that folds is to be seen.
+FOLDED = "[...document.querySelectorAll('details > :not(summary)')].map((node) => node.checkVisibility())"
 # What is drawn on each panel; the cursor, which follows the mouse in all of them, is none of it.
 CURVES = "[...document.querySelectorAll('#panels canvas')].map((panel) => panel.toDataURL())"
 
@@ -111,7 +113,9 @@ def test_nothing_is_cut_off(opened, tmp_path, kind):
         assert shown.evaluate("document.documentElement.scrollWidth") <= width
         assert shown.evaluate(CUT)["out"] == []
     shown.set_viewport_size({"width": PAPER, "height": 1000})
+    assert not any(shown.evaluate(FOLDED))
     shown.emulate_media(media="print")
+    assert all(shown.evaluate(FOLDED))
     assert shown.evaluate(CUT) == {"out": [], "wide": []}
     assert shown.pdf(format="A4").startswith(b"%PDF")
 

@@ -18,7 +18,7 @@ from ...model.effects.sensors import SensorDelay, SensorScale
 from ...model.parameters import ParameterTable
 from ...model.plant import Motion, Plant
 from ...simulation.inputs import Lane, arriving, even_steps, in_true_time, lags_at_start, supply
-from ...simulation.measurement import Path, encoded, sensed
+from ...simulation.measurement import History, encoded, sensed
 from ...simulation.runge_kutta import MIDPOINT, RK4, Interval, advance, intervals
 from ...simulation.state import Motions, start
 from ..data.windows import Course
@@ -159,7 +159,7 @@ def _simulated(
     def block(
         carry: tuple[Motions, tuple[Axes, Axes] | None], number: Array
     ) -> tuple[tuple[Motions, tuple[Axes, Axes] | None], Array]:
-        motions, path = carry
+        motions, history = carry
         begin = number * BLOCK
         edges = own(given.edges, earlier + begin, BLOCK + 1)
         cut = even_steps(edges, steps.number)
@@ -168,21 +168,21 @@ def _simulated(
         q, v = behind(edges[:-1], own(states, begin), begins)
         motions, moving = jax.lax.scan(interval, motions, (told, begins, q, v))
         now = encoded(plant, *moving)
-        if path is None:
-            return (motions, None), sensed(plant, edges[:-1], now[0], Path(edges[:-1], *now))
+        if history is None:
+            return (motions, None), sensed(plant, edges[:-1], now[0], History(edges[:-1], *now))
 
-        def longer(path: tuple[Axes, Axes]) -> tuple[Axes, Axes]:
-            return jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, begin, 0), path, now)
+        def longer(history: tuple[Axes, Axes]) -> tuple[Axes, Axes]:
+            return jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, begin, 0), history, now)
 
-        path = plant.after(longer, path, *late)
-        return (motions, path), sensed(plant, edges[:-1], now[0], Path(times, *path))
+        history = plant.after(longer, history, *late)
+        return (motions, history), sensed(plant, edges[:-1], now[0], History(times, *history))
 
-    times, path = given.edges[earlier:-1], None
+    times, history = given.edges[earlier:-1], None
     if late:
         # Late sensors look back over blocks; what is still to come lies ahead of all that they ask for.
         still = Axes(*(jnp.zeros_like(times) for _ in AXES))
-        path = still, still
-    _, found = jax.lax.scan(block, (first, path), jnp.arange(blocks))
+        history = still, still
+    _, found = jax.lax.scan(block, (first, history), jnp.arange(blocks))
     return found.reshape(-1, 3)[:samples]
 
 

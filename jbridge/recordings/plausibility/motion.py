@@ -1,20 +1,16 @@
-"""Equations of motion that hold whatever a rig's masses, gains and friction are:
+"""The load's equation of motion, and how what one reading of a recording leaves of it is compared with another's.
 
-- of the load, `l psi'' + 2 l' psi' + g sin(psi) + x'' cos(psi) = 0`;
-- of a driven axis, `x'' = b u - c x' - d sign(x') + e sin(psi) + f` with `b`, `c`, `d` not negative, or, where the
-  drive imposes the speed, `x' = b u + f`.
-
-Each is met by what was read and by what would have been read in another unit or of another sign. What was read is
-called wrong only if it leaves four times the squared error (`WORSE`), and if that is no matter of a few moments
-(`CERTAIN`). Whatever explains a recording as read, be it badly, stays: noise, friction, rest, a motor that is off, and
-motion that both signs explain alike.
+Equations of motion hold whatever a rig's masses, gains and friction are: here that of the load, `l psi'' + 2 l' psi' +
+g sin(psi) + x'' cos(psi) = 0`; in `drive` that of a driven axis. Each is met by what was read, and by what would have
+been read in another unit or of another sign. What was read is called wrong only if it leaves four times the squared
+error (`WORSE`), and if that is no matter of a few moments (`CERTAIN`). Whatever explains a recording as read, be it
+badly, stays: noise, friction, rest, a motor that is off, and motion that both signs explain alike.
 """
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from jbridge.recordings.checks import GRAVITY
 
@@ -26,12 +22,6 @@ squares. Were each as likely to speak against it, this would be exceeded with a 
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
 STRETCH = 3
 """Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
-LATE, LATE_AGAINST = range(8), range(2)
-"""Delays that are tried [cells] of a drive as declared, and of one that is turned. A periodic input, and the limit
-cycle of a controller with a late drive, look turned once they come half a period late, so that the declared sign has
-every chance, and the other one that of a drive that answers at once."""
-CELL = 0.1
-"""Time over which a driven axis is averaged [s]: well above sampling periods, not above the time constants of carts."""
 Samples = tuple[np.ndarray, np.ndarray]
 """Times [s] and values of a channel's samples."""
 
@@ -174,68 +164,3 @@ def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cell
     period = 2 * np.pi * np.sqrt(float(np.median(l[1])) / GRAVITY)
     cells = in_cells(period / 8, times, {"x": x, "psi": psi, "l": l, "sin": (psi[0], np.sin(psi[1]))}, {})
     return cells if cells is not None and np.count_nonzero(cells.whole) >= STRETCH * CERTAIN**2 else None
-
-
-def runs_backwards(
-    times: np.ndarray,
-    u: np.ndarray,
-    position: Samples,
-    psi: Samples | None,
-) -> bool:
-    """Says whether an axis certainly moves against its input.
-
-    A drive may move with its input or against it, and answer at once or late. Against it is certain if this leaves
-    plainly less than the other at every delay, either of the acceleration or of the speed, and if neither speaks for
-    the other.
-    """
-    if np.ptp(u) == 0:
-        return False
-    length = max(CELL, 2 * float(np.median(np.diff(position[0]))))
-    measured = {"q": position} | ({} if psi is None else {"sin": (psi[0], np.sin(psi[1]))})
-    cells = in_cells(length, times, measured, {"u": u})
-    if cells is None or np.count_nonzero(cells.whole) < STRETCH * CERTAIN**2:
-        return False
-    speed = cells.rate("q")
-    direction = np.sign(speed) * (np.abs(speed) > 0.05 * np.abs(speed).max())
-    load = [] if psi is None else [cells.middle("sin")]
-    # A friction, and what the load does, may have any sign where it is not known whether the axis is read turned.
-    of_force = against_and_with(cells, cells.acceleration("q"), [-speed, -direction], load)
-    of_speed = against_and_with(cells, speed, [], [])
-    verdicts = [(certainly_better(w, a), bool(np.sum(w**2) < np.sum(a**2))) for a, w in (of_force, of_speed)]
-    return any(against for against, _ in verdicts) and not any(along for _, along in verdicts)
-
-
-def against_and_with(
-    cells: Cells, target: np.ndarray, positive: list[np.ndarray], free: list[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns what is left of a motion that goes against its input, and of one that goes with it, at the best delay.
-
-    Args:
-        cells: of the recording.
-        target: the motion.
-        positive: what enters with a factor that is not negative.
-        free: what enters with any factor.
-    """
-    late = max(LATE)
-    chosen = cells.whole[late:]
-    wanted = target[late:][chosen]
-    others = [part[late:][chosen] for part in (*positive, *free)] + [np.ones(wanted.size)]
-    left: dict[bool, np.ndarray] = {}
-    u = cells.middle("u")
-    for delay in LATE:
-        parts = np.stack([u[late - delay : u.size - delay][chosen], *others], axis=1)
-        parts /= np.maximum(np.abs(parts).max(axis=0), 1e-300)  # no square, and no factor, leaves the range of numbers
-        triangle = np.asarray(np.linalg.qr(np.column_stack([parts, wanted]), mode="r"))
-        count = parts.shape[1]
-        for against in (True, False) if delay in LATE_AGAINST else (False,):
-            way = np.ones(count)
-            way[0] = -1.0 if against else 1.0
-            # What may have any factor enters twice, once with each sign.
-            both = triangle[:, :count] * way
-            found, _ = nnls(np.column_stack([both, -both[:, count - len(free) - 1 :]]), triangle[:, count])
-            factors = found[:count]
-            factors[count - len(free) - 1 :] -= found[count:]
-            errors = wanted - parts @ (way * factors)
-            if against not in left or np.sum(errors**2) < np.sum(left[against] ** 2):
-                left[against] = errors
-    return left[True], left[False]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
-from jbridge.recordings.tables.columns import UNITS
+from jbridge.recordings.tables.columns import BASE_UNITS, UNITS
 
 FORCE = "; --force takes it as it is"
 """What to do if what is doubted is right."""
@@ -15,6 +15,11 @@ FORCE = "; --force takes it as it is"
 def place(channels: Channels) -> str:
     """Returns where a line of a sidecar belongs."""
     return f"under [columns] in {channels.sidecar}"
+
+
+def base_unit(unit: str) -> str:
+    """Returns V or A for a unit of voltage or current, so that these are not mixed; nothing for any other unit."""
+    return BASE_UNITS.get(unit, unit if unit in BASE_UNITS.values() else "")
 
 
 def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0, turned: bool = False) -> InputError:
@@ -28,7 +33,7 @@ def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0,
         turned: whether the sign is the other one.
     """
     column = channels.columns[channel]
-    sizes = UNITS[channel]
+    sizes = {name: size for name, size in UNITS[channel].items() if base_unit(name) == base_unit(column.unit)}
     if factor != 1 and column.scale is not None:
         mended = replace(column, scale=column.scale * factor)
     elif factor != 1:
@@ -40,4 +45,4 @@ def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0,
     if factor != 1:
         values = channels.values[channel]
         return channels.error(int(np.abs(values - np.median(values)).argmax()), channel, message)
-    return InputError(f"{channels.table.path}, column {column.name}: {message}")
+    return InputError(f"{channels.table.path}, column {cut(column.name)}: {message}")

@@ -6,14 +6,14 @@ from math import isclose
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
+from jbridge.recordings.plausibility.drive import HOLDS, is_input, runs_backwards, unfelt_rows
 from jbridge.recordings.plausibility.motion import (
     Samples,
     certainly_better,
     misread_swing,
-    runs_backwards,
     swing_cells,
     swing_errors,
 )
@@ -21,9 +21,8 @@ from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
 from jbridge.recordings.recording import MEASURED, Recording
 from jbridge.recordings.tables.columns import UNITS
 
-HOLDS = 0.1
-"""Share of the forces' mean square up to which an equation holds; those of measured rigs leave 0.1 to 26 %, and
-exchanged columns 12 to 99 %."""
+AXIS_OF_INPUT = (("u_x", "x", "psi"), ("u_l", "l", ""))
+"""Each input with the channel of the axis that it drives, and with the angle of what hangs there."""
 
 
 def doubtful_signs(
@@ -47,10 +46,11 @@ def doubtful_signs(
     if swing is not None and swing.factor != 1:
         yield contradicted_unit(channels, swing.factor)
         return
-    swapped = list(exchanged_axes(channels, samples))
+    swapped = [*exchanged_inputs(channels, samples, l), *exchanged_axes(channels, samples)]
     if swapped:
         yield from swapped
         return
+    yield from unfelt_inputs(channels, samples)
     against = x is not None and "u_x" in values and runs_backwards(times, values["u_x"], x, psi)
     turned = swing is not None and swing.turned
     if turned and against:
@@ -82,6 +82,35 @@ def contradicted_unit(channels: Channels, factor: float) -> InputError:
     return refusal(channels, "x", f"the cart moves too {how} for the swing of its load", factor=factor)
 
 
+def unfelt_inputs(channels: Channels, samples: Mapping[str, Samples]) -> Iterator[InputError]:
+    """Yields the refusals of rows whose input stands far out and is certain not to have moved its axis."""
+    for name, axis, load in AXIS_OF_INPUT:
+        if name not in channels.values or axis not in samples:
+            continue
+        u = channels.values[name]
+        rows = unfelt_rows(channels.values["t"], u, samples[axis], samples.get(load))
+        if rows.size:
+            more = f", and {rows.size - 1} more rows, are" if rows.size > 1 else " is"
+            yield channels.error(
+                int(rows[0]),
+                name,
+                f"{u[rows[0]]:.4g} {channels.units[name]}{more} far beyond all others, and the rig does not move that"
+                f" way; correct the value, or delete the row, since the one above is then held{FORCE}",
+            )
+
+
+def exchanged_inputs(channels: Channels, samples: Mapping[str, Samples], l: Samples | None) -> Iterator[InputError]:
+    """Yields the refusal of an input and a position that certainly have each other's columns."""
+    times, psi = channels.values["t"], samples.get("psi")
+    for name, axis, load in AXIS_OF_INPUT:
+        if name not in channels.values or axis not in samples:
+            continue
+        if is_input(times, channels.values[name], samples[axis], samples.get(load)):
+            if axis == "x" and psi is not None and l is not None and swing_holds(times, psi, samples["x"], l):
+                continue
+            yield exchange(channels, name, axis)
+
+
 def exchanged_axes(channels: Channels, samples: Mapping[str, Samples]) -> Iterator[InputError]:
     """Yields the refusal of inputs, or else positions, of cart and hoist if each certainly moves with the other's."""
     times, values = channels.values["t"], channels.values
@@ -93,14 +122,13 @@ def exchanged_axes(channels: Channels, samples: Mapping[str, Samples]) -> Iterat
         for pairs in ((("u_x", x), ("u_l", l)), (("u_x", l), ("u_l", x)))
     )
     if all(other) and not any(own):
-        yield exchange(channels, *(("u_x", "u_l") if swing_holds(times, samples) else ("x", "l")))
+        holds = "psi" not in samples or swing_holds(times, samples["psi"], x, l)
+        yield exchange(channels, *(("u_x", "u_l") if holds else ("x", "l")))
 
 
-def swing_holds(times: np.ndarray, samples: Mapping[str, Samples]) -> bool:
+def swing_holds(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> bool:
     """Says whether the load's equation is certain to fit the cart as read, so that no other position will do."""
-    if "psi" not in samples:
-        return True
-    turned = misread_swing(times, samples["psi"], (samples["x"][0], -samples["x"][1]), samples["l"])
+    turned = misread_swing(times, psi, (x[0], -x[1]), l)
     return turned is not None and turned.turned
 
 
@@ -130,9 +158,10 @@ def exchange(channels: Channels, one: str, other: str) -> InputError:
     lines = [
         replace(columns[mine], name=columns[yours].name).line(mine) for mine, yours in ((one, other), (other, one))
     ]
+    names = " and ".join(cut(columns[channel].name) for channel in (one, other))
     return InputError(
-        f"{channels.table.path}, columns {columns[one].name} and {columns[other].name}: the laws of motion hold with"
-        f" the two exchanged, and not as they are; declare {lines[0]} and {lines[1]} {place(channels)}{FORCE}"
+        f"{channels.table.path}, columns {names}: the laws of motion hold with the two exchanged, and not as they are;"
+        f" declare {lines[0]} and {lines[1]} {place(channels)}{FORCE}"
     )
 
 

@@ -10,17 +10,18 @@ import numpy as np
 
 from jbridge.errors import InputError, cut, listed
 from jbridge.recordings.channels import Channels
-from jbridge.recordings.checks import GRAVITY, SLOWEST, TOO_FAST, excess_of_angle
-from jbridge.recordings.plausibility.motion import CELL, swing_cells, swing_errors
+from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, excess_of_angle, with_longer_unit
+from jbridge.recordings.plausibility.drive import CELL
+from jbridge.recordings.plausibility.motion import swing_cells, swing_errors
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
-from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
+from jbridge.recordings.tables.columns import BASE_UNITS, UNITS, labelled_columns, plain_column
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
+HIGHEST, LOWEST = 1000.0, 0.05
+"""Voltage or current [V, A] that no laboratory's drive is fed with, and one below which a header's unit is doubted."""
 SMALLEST = 1e-3
 """Way of a driven cart [m] below which a header's unit is doubted."""
-FASTEST = 50e-6
-"""Time between rows [s] below which the unit of the time is doubted."""
 LEAP, SLIP = 0.5, 0.01
 """Share of a position's range through which no cart moves from one row to the next, and shortest time [s] that is
 counted for that, so that noise between close rows is no motion."""
@@ -41,7 +42,7 @@ def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
     for channel, column in channels.near.items():
         if channel in needed:
             yield InputError(
-                f"{channels.table.header}, column {column.name}: not used, and there is no {channel}; declare"
+                f"{channels.table.header}, column {cut(column.name)}: not used, and there is no {channel}; declare"
                 f" {column.line(channel)} {place(channels)}, or {channel} = false if it is something else{FORCE}"
             )
 
@@ -54,7 +55,7 @@ def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
         channels: of the recording.
         locked: whether the rope's length is declared.
     """
-    values, others = channels.values, listed(channels.extras)
+    values, others = channels.values, listed(map(cut, channels.extras))
     driven = "u_x" in values and np.ptp(values["u_x"]) > 0
     for channel, there, why in (
         ("x", driven, "u_x varies, but there is no x that it moves"),
@@ -103,15 +104,34 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
             yield from doubtful_rest(channels, size)
 
 
+def doubtful_inputs(channels: Channels) -> Iterator[InputError]:
+    """Yields the refusals of voltages and currents that are too large for their unit, or too small for a header's."""
+    for name in ("u_x", "u_l"):
+        if name not in channels.values or channels.units[name] not in BASE_UNITS.values():
+            continue
+        column, unit = channels.columns[name], channels.units[name]
+        # A single value that stands out is no matter of units.
+        size = float(np.quantile(np.abs(channels.values[name]), 0.9))
+        if size > HIGHEST and column.unit == unit:
+            yield refusal(
+                channels,
+                name,
+                f'{size:.4g} {unit} is more than any laboratory feeds; PWM has unit = "count"',
+                factor=1e-3,
+            )
+        elif 0 < size < LOWEST and column.unit != unit and column in labelled_columns(name, [column.name]):
+            yield refusal(channels, name, f"{size:.2g} {unit} moves no drive", factor=1e3)
+
+
 def refusal_of_steps(channels: Channels, step: float) -> InputError:
     """Returns the refusal of times that follow each other too closely [s], with the unit that mends it, if one does."""
     column = channels.columns["t"]
-    what = f"a row every {step:.3g} s is more often than any log of a rig"
-    for factor in (1e3, 1e6):
-        named = column.scale is not None or UNITS["t"][column.unit] * factor < 1.1
-        if named and FASTEST <= factor * step <= SLOWEST:
-            return refusal(channels, "t", what, factor=factor)
-    return InputError(f"{channels.table.path}, column {cut(column.name)}: {what}; give the time in s{FORCE}")
+    longer = with_longer_unit(column, step)
+    remedy = "give the time in s" if longer is None else f"declare {longer.line('t')} {place(channels)}"
+    return InputError(
+        f"{channels.table.path}, column {cut(column.name)}: a row every {step:.3g} s is more often than any log of a"
+        f" rig; {remedy}{FORCE}"
+    )
 
 
 def doubtful_rest(channels: Channels, way: float) -> Iterator[InputError]:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError, MatReadWarning
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, cut
 from jbridge.recordings.tables.columns import CHANNELS
 from jbridge.recordings.tables.mat_format import checked
 from jbridge.recordings.tables.table import Table
@@ -60,7 +60,7 @@ def read_mat(path: Path, content: bytes) -> Table:
                 continue  # each of several structs has the time
             if inner in columns or inner in unusable:
                 raise InputError(
-                    f"{path}, column {inner}: the name is there twice, also in {name}; keep one of them in the file"
+                    f"{path}, column {cut(inner)}: the name is there twice, also in {cut(name)}; keep one of them"
                 )
             what = why_unusable(vector)
             if what:
@@ -117,7 +117,9 @@ def fields(path: Path, name: str, value: object, depth: int = 0) -> dict[str, ob
     for inner in names:
         for label, vector in fields(path, inner, struct[inner], depth + 1).items():
             if label in found and not (isinstance(before := found[label], np.ndarray) and is_same(before, vector)):
-                raise InputError(f"{path}, column {label}: the name is there twice in {name}; keep one of them")
+                raise InputError(
+                    f"{path}, column {cut(label)}: the name is there twice in {cut(name)}; keep one of them"
+                )
             found.setdefault(label, vector)
     return found
 
@@ -128,7 +130,7 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
     signals = struct["signals"]
     if not isinstance(signals, np.ndarray) or "values" not in (signals.dtype.names or ()):
         raise InputError(
-            f"{path}, {name}.signals: no struct with values and label, as Simulink's structure with time has; save"
+            f"{path}, {cut(name)}.signals: no struct with values and label, as Simulink's structure with time has; save"
             " vectors of numbers with '-v7'"
         )
     for place, signal in enumerate(signals.reshape(-1)):
@@ -136,11 +138,11 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
         label = label or (name if signals.size == 1 and name in CHANNELS else "")
         if not label:
             raise InputError(
-                f"{path}, {name}.signals({place + 1}): the signal has no label; in MATLAB set"
+                f"{path}, {cut(name)}.signals({place + 1}): the signal has no label; in MATLAB set"
                 f" {name}.signals({place + 1}).label = 'x' (or u_x, psi, ...) and save with '-v7'"
             )
         if label in vectors:
-            raise InputError(f"{path}, column {label}: two signals of {name} have this label; rename one")
+            raise InputError(f"{path}, column {cut(label)}: two signals of {cut(name)} have this label; rename one")
         vectors[label] = signal["values"]
     return vectors
 
@@ -176,4 +178,4 @@ def object_message(path: Path, converted: str, name: str, value: np.ndarray) -> 
         name, _, kind = (text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in texts)
         line = CONVERSIONS.get(kind, CONVERSIONS["timeseries"]).format(v=name, new=converted)
         remedy = f"convert it in MATLAB with {line}"
-    return f"{path}: {name} is a MATLAB object ({kind}), not a vector; {remedy}"
+    return f"{path}: {cut(name)} is a MATLAB object ({cut(kind)}), not a vector; {remedy}"

@@ -15,6 +15,7 @@ from ..._progress import Step, silent, with_progress
 from ...cluster import on_workers
 from ...diagnosis.diagnose import diagnose
 from ...errors import InputError
+from ...identification.gains import check_model_gains
 from ...model.files import load_model
 from ...recordings import load_recordings
 from ..files import PathLike, check_output
@@ -111,9 +112,10 @@ def _one(model: str, folder: str, out: str, budget: float, force: bool) -> Findi
     try:
         every, proof = _recordings(Path(folder))
         recordings = load_recordings([*every, *proof], force=force)
-        result = diagnose(
-            load_model(model), recordings[: len(every)], recordings[len(every) :], budget=budget, progress=silent
-        )
+        given = load_model(model)
+        if not force:
+            check_model_gains(given, recordings)
+        result = diagnose(given, recordings[: len(every)], recordings[len(every) :], budget=budget, progress=silent)
         save_report(out, result)
         if result.stopped == "interrupted":
             raise KeyboardInterrupt

@@ -19,7 +19,7 @@ from .next_steps import decided_table, limits_table, unlimited
 from .places import when_sentences, where_sentences
 from .trials import trial_table
 
-MUCH = 0.1
+LEAST_FALL = 0.1
 """Fall of the share of a force that repeats which is worth a sentence."""
 
 
@@ -134,7 +134,7 @@ def _gathered(notes: Sequence[str]) -> list[str]:
 
 def _repeatable(diagnosis: Diagnosis) -> str:
     before, after = diagnosis.adequacy.repeatable_before, diagnosis.adequacy.repeatable_after
-    if before is None or (after is not None and before - after < MUCH):
+    if before is None or (after is not None and before - after < LEAST_FALL):
         return ""
     said = f"Of the force that it leaves unexplained, {percent(before)} repeats from recording to recording"
     return f"{said}; with the final model {percent(after)}." if after is not None else f"{said}."
