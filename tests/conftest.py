@@ -5,8 +5,11 @@ import os
 from pathlib import Path
 
 os.environ["MPLBACKEND"] = "Agg"  # for the commands that tests start, too
-# Most of the suite's time is the compiler's, which takes half as long where it optimises little.
-os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
+# Most of the suite's time is the compiler's, which takes half as long where it optimises little, and two thirds of that
+# where fused operations go straight to machine code.
+os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + (
+    " --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+)
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("NPROC", "1")  # threads of JAX: processes side by side would contend for the processors
 
