@@ -28,6 +28,7 @@ import time
 import tomllib
 import traceback
 import warnings
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,11 +99,14 @@ def changes(source: str) -> list[Change]:
 
 def _places(tree: ast.AST) -> Iterator[tuple[Any, str]]:
     """Nodes of a module and what may stand there instead."""
+    bound = Counter(
+        part.id for part in ast.walk(tree) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+    )
     for node in _code(tree):
         if isinstance(node, ast.If | ast.While | ast.IfExp):
             yield node.test, f"(not ({ast.unparse(node.test)}))"
         elif isinstance(node, ast.stmt):
-            yield from ((node, text) for text in _other_statements(node, tree))
+            yield from ((node, text) for text in _other_statements(node, bound))
         elif isinstance(node, ast.expr):
             for other in _others(node):
                 yield node, f"({ast.unparse(other)})"
@@ -142,8 +146,12 @@ def _others(node: ast.expr) -> Iterator[ast.expr]:
         yield ast.Constant(node.value + 1 if whole or node.value == 0.0 else 2.0 * node.value)
 
 
-def _other_statements(node: ast.stmt, tree: ast.AST) -> Iterator[str]:
-    """What may stand instead of a statement, but for one that alone binds a name: without that Python complains."""
+def _other_statements(node: ast.stmt, bound: Counter[str]) -> Iterator[str]:
+    """What may stand instead of a statement, but for one that alone binds a name: without that Python complains.
+
+    Args:
+        bound: how often the module binds each name.
+    """
     if isinstance(node, ast.Return) and node.value is not None and ast.unparse(node.value) != "None":
         yield "return None"
     elif isinstance(node, ast.Raise | ast.Continue | ast.Break | ast.AugAssign):
@@ -152,8 +160,7 @@ def _other_statements(node: ast.stmt, tree: ast.AST) -> Iterator[str]:
         yield "pass"
     elif isinstance(node, ast.Assign):
         names = {part.id for target in node.targets for part in ast.walk(target) if isinstance(part, ast.Name)}
-        bound = [part for part in ast.walk(tree) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)]
-        if all(sum(part.id == name for part in bound) > 1 for name in names):
+        if all(bound[name] > 1 for name in names):
             yield "pass"
 
 

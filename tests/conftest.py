@@ -19,6 +19,9 @@ import pytest
 import jbridge
 
 jbridge.set_up()
+# Also what takes milliseconds to compile: tests compile thousands of such operations, again in each process and after
+# `few_memory_maps`, and reading one takes half as long.
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 if any(importlib.util.find_spec(f"jax_cuda{number}_plugin") for number in (12, 13)):
     jax.config.update("jax_platforms", "cpu,cuda")  # the second for the tests that ask for it
 jax.config.update("jax_numpy_dtype_promotion", "strict")
