@@ -9,6 +9,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import load_recording
+from jbridge.recordings.tables.clock import clock_seconds
 from jbridge.recordings.tables.csv_lines import drop_comments
 from jbridge.recordings.tables.csv_table import read_csv
 
@@ -110,6 +111,12 @@ def test_what_is_no_time_of_day_is_refused(tmp_path, cells, row):
     table = read(tmp_path, "t,x\n" + "".join(f"{cell},1\n" for cell in cells))
     assert "t" not in table.columns
     assert f"row {row}, column t" in str(table.faulty["t"])
+
+
+@pytest.mark.parametrize(("later", "hours"), [("07:00:00", 11.0), ("10:00:00", -10.0)])
+def test_a_clock_that_falls_by_more_than_half_a_day_has_passed_midnight(later, hours):
+    """One that falls by less was set back, and the column is refused as times that fall."""
+    assert clock_seconds(["20:00:00", later]) == [0.0, 3600.0 * hours]
 
 
 def test_dates_with_offsets_are_compared_in_utc(tmp_path):
