@@ -64,6 +64,24 @@ def test_comments_of_other_widths_are_left_out(tmp_path):
     np.testing.assert_array_equal(table.row_numbers, [3, 5])
 
 
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        ("t,x\n0,1\n1,2\n", []),
+        ("14:03:59.1 -> t,x\n14:03:59.2 -> 0,1\n", ["serial monitor's time of day before each line is left out"]),
+        ("t,x\n# one\n0,1\n", ["1 line of comment, row 2 the first"]),
+        ("# one\nt,x\n0,1\n# two\n", ["2 lines of comment, row 1 the first"]),
+        ("t;x\n0,5;1\n1,5;2\n", ["separated by semicolons", "have decimal commas"]),
+        ("t,x,\n0,1,\n1,2,\n", ["ends with a separator, which is left out"]),
+        ("t,x\ns,mm\n0,1\n", ["Row 2 is read as the units"]),
+    ],
+    ids=["nothing", "stamps", "a comment", "comments", "semicolons", "empty column", "units"],
+)
+def test_what_was_rewritten_is_said(tmp_path, text, notes):
+    said = read(tmp_path, text).notes
+    assert len(said) == len(notes) and all(note in each for note, each in zip(notes, said, strict=True)), said
+
+
 def test_many_comments_take_no_longer_each(tmp_path):
     def seconds(count):
         lines = ["# a"] * count + ["t,x", "0,1"]
