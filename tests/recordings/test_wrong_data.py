@@ -72,10 +72,12 @@ def test_comments_of_other_widths_are_left_out(tmp_path):
         ("t,x\n# one\n0,1\n", ["1 line of comment, row 2 the first"]),
         ("# one\nt,x\n0,1\n# two\n", ["2 lines of comment, row 1 the first"]),
         ("t;x\n0,5;1\n1,5;2\n", ["separated by semicolons", "have decimal commas"]),
+        ("t x\n0 1\n1 2\n", ["separated by blanks"]),
+        ("t\n0\n1\n", []),
         ("t,x,\n0,1,\n1,2,\n", ["ends with a separator, which is left out"]),
         ("t,x\ns,mm\n0,1\n", ["Row 2 is read as the units"]),
     ],
-    ids=["nothing", "stamps", "a comment", "comments", "semicolons", "empty column", "units"],
+    ids=["nothing", "stamps", "a comment", "comments", "semicolons", "blanks", "one column", "empty column", "units"],
 )
 def test_what_was_rewritten_is_said(tmp_path, text, notes):
     said = read(tmp_path, text).notes
