@@ -78,7 +78,18 @@ def test_comments_of_other_widths_are_left_out(tmp_path):
         ("t,x\ns,mm\n0,1\n", ["Row 2 is read as the units"]),
         ("t,psi\nS,Deg\n0,1\n", ["Row 2 is read as the units"]),
     ],
-    ids=["nothing", "stamps", "a comment", "comments", "semicolons", "blanks", "one column", "empty column", "units", "units in capitals"],
+    ids=[
+        "nothing",
+        "stamps",
+        "a comment",
+        "comments",
+        "semicolons",
+        "blanks",
+        "one column",
+        "empty column",
+        "units",
+        "units in capitals",
+    ],  # fmt: skip
 )
 def test_what_was_rewritten_is_said(tmp_path, text, notes):
     said = read(tmp_path, text).notes
