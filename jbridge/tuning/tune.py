@@ -12,10 +12,10 @@ import optax
 from numpy.typing import NDArray
 
 from .._progress import Step, silent, with_progress
-from ..control.base import AbstractController
 from ..control.files import Controller
 from ..errors import InputError
 from ..model.files import Model, requires
+from ..simulation.closed_loop import Response
 from ..trajectory import Path
 from .cost import Cost, Measure
 from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, late, mixed_legs, random_legs, scattered
@@ -148,6 +148,8 @@ def tune(  # noqa: PLR0913
     given = knobs.set(jnp.asarray(none))
     judges = {"train": Measure(course), "held_out": Measure(others)}
     measures = {name: (judge(given), judge(tuned)) for name, judge in judges.items()}
+    run, first = jax.jit(course.run), jax.tree.map(lambda leaf: leaf[0, 0], course.moves)
+    before, after = (_columns(run(law, jnp.asarray(course.rows[0]), first)) for law in (given, tuned))
     return Tuning(
         controller=dataclasses.replace(controller, law=tuned),
         given=controller,
@@ -156,7 +158,7 @@ def tune(  # noqa: PLR0913
         softness=softness,
         costs=costs,
         measures=measures,
-        responses=(_response(course, given), _response(course, tuned)),
+        responses=(before, after),
         reached=_reached(legs, others.legs),
         recorded=model.recorded,
         rollouts=rollouts,
@@ -170,8 +172,7 @@ def _reached(*several: Legs) -> dict[str, tuple[float, float]]:
     return {"x": (low[0], high[0]), "l": (low[1], high[1])}
 
 
-def _response(course: Course, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:
-    run = jax.jit(course.run)(law, jnp.asarray(course.rows[0]), jax.tree.map(lambda leaf: leaf[0, 0], course.moves))
+def _columns(run: Response) -> Mapping[str, NDArray[np.float64]]:
     columns = {"t": run.times, "x": run.q.x, "psi": run.q.psi, "l": run.q.l}
     columns |= {"u_x": run.command[:, 0], "u_l": run.command[:, 1], "x_ref": run.reference.x, "l_ref": run.reference.l}
     return {name: np.asarray(values) for name, values in columns.items()}

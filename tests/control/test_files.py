@@ -10,7 +10,6 @@ from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.paper import cart_system, hoist_system, paper_controller
 from jbridge.control.reference_files import load_reference, paper_path
-from jbridge.fuzzy.files.fis_reader import load_fis
 from jbridge.fuzzy.files.fis_writer import save_fis
 
 
@@ -94,41 +93,6 @@ def test_what_is_wrong_with_a_controller_is_said(written, change, complaint):
     with pytest.raises(InputError, match=complaint) as found:
         load_controller(written)
     assert str(written) in str(found.value) and "\n" not in str(found.value)
-
-
-FIS_ERRORS = [
-    (("Type='mamdani'", "Type='magic'"), "line 3: type 'magic' is not supported"),
-    (("Range=[-3.0 3.0]", "Range=[3.0 -3.0]"), "a range has a lower and a higher end"),
-    (("'trimf',[", "'wmf',["), "is a 'wmf'; jbridge knows trimf"),
-    (("NumMFs=5", "NumMFs=6"), "has no mf6; add it"),
-    (("1 0 0, 1 (1.0) : 1", "9 0 0, 1 (1.0) : 1"), "error has no set 9; it has 5"),
-    (("1 0 0, 1 (1.0) : 1", "1 0, 1 (1.0) : 1"), "2 set numbers for 3 variables"),
-    (("1 0 0, 1 (1.0) : 1", "1 0 0, 1 (1.5) : 1"), "a weight lies between 0 and 1"),
-    (("[Rules]", "Rules]"), "is neither a"),
-    (("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
-    (("NumInputs=3", "NumInputs=²"), "numinputs is '²', where the number of those in the file belongs"),
-    (("NumInputs=3", "NumInputs=1000000000"), "numinputs is '1000000000', where the number"),
-    (("NumOutputs=1", "NumOutputs=1" + 5000 * "0"), "numoutputs is '1000.*', where the number"),
-    (("NumMFs=5", "NumMFs=99999"), "nummfs is '99999', where the number"),
-    (("1 0 0, 1 (1.0) : 1", f"1{400 * '0'} 0 0, 1 (1.0) : 1"), "error has no set inf; it has 5"),
-]
-
-
-@pytest.mark.parametrize(("change", "complaint"), FIS_ERRORS)
-def test_what_is_wrong_with_a_fis_file_is_said(tmp_path, change, complaint):
-    path = tmp_path / "cart.fis"
-    save_fis(path, cart_system())
-    text = path.read_text()
-    assert change[0] in text
-    path.write_text(text.replace(*change, 1))
-    with pytest.raises(InputError, match=complaint):
-        load_fis(path)
-
-
-def test_fis_files_come_back_as_they_were(tmp_path):
-    for system in (cart_system(), hoist_system()):
-        save_fis(tmp_path / "s.fis", system)
-        assert eqx.tree_equal(load_fis(tmp_path / "s.fis"), system)
 
 
 def test_the_papers_reference():

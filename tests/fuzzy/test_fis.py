@@ -172,13 +172,26 @@ def test_a_sugeno_output_may_have_equal_ends(tmp_path):
         (TIPPER, ("[1.5 0]", "[1.5 Inf]"), "'poor' has an infinite number"),
         (TIPPER, ("[1.5 0]", "[1.5 0 1]"), "'poor' has 3 numbers; it needs width, centre"),
         (TIPPER, ("Range=[0 30]", "Range=[30 30]"), "both ends of the range are 30"),
+        (TIPPER, ("NumInputs=2", "NumInputs=1000000000"), "numinputs is '1000000000', where the number"),
+        (TIPPER, ("NumOutputs=1", "NumOutputs=1" + 5000 * "0"), "numoutputs is '1000.*', where the number"),
+        (TIPPER, ("NumMFs=3", "NumMFs=4"), "has no mf4; add it"),
+        (TIPPER, ("NumMFs=3", "NumMFs=99999"), "nummfs is '99999', where the number"),
+        (TIPPER, ("Type='mamdani'", "Type='magic'"), "line 3: type 'magic' is not supported"),
+        (TIPPER, ("Range=[0 30]", "Range=[30 0]"), "a range has a lower and a higher end"),
+        (TIPPER, ("'gaussmf',[1.5 0]", "'wmf',[1.5 0]"), "is a 'wmf'; jbridge knows trimf"),
+        (TIPPER, ("2 0, 2 (1) : 1", "9 0, 2 (1) : 1"), "service has no set 9; it has 3"),
+        (TIPPER, ("2 0, 2 (1) : 1", f"1{400 * '0'} 0, 2 (1) : 1"), "service has no set inf; it has 3"),
+        (TIPPER, ("2 0, 2 (1) : 1", "2, 2 (1) : 1"), "1 set numbers for 2 variables"),
+        (TIPPER, ("2 0, 2 (1) : 1", "2 0, 2 (1.5) : 1"), "a weight lies between 0 and 1"),
+        (TIPPER, ("[Rules]", "Rules]"), "is neither a"),
+        (TIPPER, ("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
         (SUGENO, ("2, 2 (1) : 1", "2, -2 (1) : 1"), "cannot be negated"),
         (SUGENO, ("2, 2 (1) : 1", "0, 2 (1) : 1"), "the rule names no input or no output"),
         (SUGENO, ("2, 2 (1) : 1", "2, 0 (1) : 1"), "the rule names no input or no output"),
         (SUGENO, ("[2 1]", "[1]"), "linear needs 2 finite numbers"),
     ],
 )
-def test_what_contradicts_itself_is_refused(tmp_path, text, change, complaint):
+def test_what_is_wrong_with_a_fis_file_is_said(tmp_path, text, change, complaint):
     assert change[0] in text
     with pytest.raises(InputError, match=complaint) as found:
         read(tmp_path, text.replace(*change, 1))

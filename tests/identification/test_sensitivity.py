@@ -184,10 +184,15 @@ def test_what_is_absent_may_stand_in_the_program():
     assert np.allclose(found["turned"].tangents[len(both) - 1 :: -1], found["drag"].tangents[: len(both)], atol=1e-12)
 
 
+def of_two_horizons():
+    """Both recordings in short windows and whole, with tangents four columns a call."""
+    problem, _, start, _ = problem_of(DRY, (0.3, WHOLE))
+    return problem, engine_for(problem.setting, problem.data, DRY, width=4), start
+
+
 def test_long_recordings_are_taken_one_by_one(monkeypatch):
     """All of its columns, before those of the next: other calls, the same tangents, in memory for one recording."""
-    problem, _, start, _ = problem_of(DRY, (0.3, WHOLE))
-    engine = engine_for(problem.setting, problem.data, DRY, width=4)
+    problem, engine, start = of_two_horizons()
     jobs = [Job(start.vector, t.recording, t.begins, t.states, start.free) for t in problem.data.tilings]
     assert len(start.free) > engine.width and len(jobs) == 4
     found, calls = {}, []
@@ -213,7 +218,7 @@ def test_long_recordings_are_taken_one_by_one(monkeypatch):
 
 def test_windows_are_taken_some_at_a_time(monkeypatch):
     """Each has products of its own, so nothing depends on how many are taken together."""
-    problem, engine, start, _ = problem_of(DRY, (0.3, WHOLE))
+    problem, engine, start = of_two_horizons()
     points = problem.evaluate(engine, [start])
     [together] = problem.normal(engine, points)
     monkeypatch.setattr(variable_projection, "_ABREAST", 3)

@@ -1,4 +1,4 @@
-"""Many starts, one place."""
+"""Fits from many starts end at one optimum."""
 
 import numpy as np
 import pytest

@@ -48,27 +48,6 @@ def test_extra_columns_are_kept(write, columns):
     assert any("'x_ref', 'current'" in note for note in recording.notes)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda text: b"\xef\xbb\xbf" + text.encode(),
-        lambda text: text.replace("\n", "\r\n").encode(),
-        lambda text: text.replace("\n", "\r").encode(),
-        lambda text: text.replace("\n", "\r\r\n").encode(),
-        lambda text: (text + "\n\n  \n").encode(),
-        lambda text: text.rstrip().encode(),
-        lambda text: text.replace(",", " , ").encode(),
-        lambda text: text.replace("psi", '"psi"').encode(),
-        lambda text: re.sub(r"[^,\n]+", r'"\g<0>"', text).encode(),
-    ],
-    ids=["bom", "crlf", "cr", "doubled-cr", "blank-end", "no-end", "spaces", "quoted-name", "quoted-all"],
-)
-def test_harmless_variants_of_the_format(write, lines, columns, change):
-    recording = load_recording(write(change("\n".join(lines) + "\n")))
-    np.testing.assert_array_equal(recording.psi, columns["psi"])
-    assert recording.times.size == 400
-
-
 def test_recordings_come_in_order(write, columns, chosen):
     paths = [write(columns, name="b.csv"), write(chosen("t u_x x"), name="a.csv")]
     recordings = load_recordings(paths)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jbridge.recordings import load_recording
+from jbridge.recordings import inspect_recordings, load_recording
 
 
 def replaced(row: int, old: int, new: str):
@@ -18,6 +18,40 @@ def replaced(row: int, old: int, new: str):
 
 def line_replaced(row: int, edit):
     return lambda lines: "\n".join([*lines[: row - 1], edit(lines[row - 1]), *lines[row:]])
+
+
+def every_row(edit):
+    """Returns an edit of all rows below the header."""
+    return lambda lines: "\n".join([lines[0], *map(edit, lines[1:])])
+
+
+def inserted(row: int, *new: str):
+    """Returns an edit that puts further rows before a row of the file."""
+    return lambda lines: "\n".join([*lines[: row - 1], *new, *lines[row - 1 :]])
+
+
+def columns_of(lines: list[str]) -> dict[str, list[str]]:
+    names, *rows = (line.split(",") for line in lines)
+    return dict(zip(names, zip(*rows, strict=True), strict=True))
+
+
+def header(change):
+    """Returns an edit of the names of the columns."""
+    return line_replaced(1, lambda line: ",".join(map(change, line.split(","))))
+
+
+def exchanged(one: str, other: str):
+    return header(lambda name: {one: other, other: one}.get(name, name))
+
+
+def without(*names: str):
+    """Returns an edit that leaves columns out."""
+
+    def edit(lines: list[str]) -> str:
+        kept = {name: cells for name, cells in columns_of(lines).items() if name not in names}
+        return "\n".join([",".join(kept), *map(",".join, zip(*kept.values(), strict=True))])
+
+    return edit
 
 
 def german(lines: list[str], separator: str) -> str:
@@ -106,14 +140,63 @@ REFUSED = {
         lambda lines: "\n".join([lines[0], "", "", *lines[1:10], "", lines[10] + "x", *lines[11:]]),
         ["row 14", "column l", "is text"],
     ),
-}
+    "a monitor's banner": (inserted(1, "Booting v1.2", "ready"), ["row 1", "Booting", "delete the rows"]),
+    "a monitor's text between": (inserted(51, "motor on"), ["row 51", "delete the row"]),
+    "a cut last line": (line_replaced(401, lambda line: line[:9]), ["row 401", "correct or delete the row"]),
+    "a repeated header": (inserted(51, "t,u_x,u_l,x,psi,l"), ["row 51", "column t", "'t' is text"]),
+    "a cell with its unit": (line_replaced(51, lambda line: line + " m"), ["row 51", "column l", "is text"]),
+    "every cell with its unit": (
+        every_row(lambda line: line + " m"),
+        ["row 2", "in 400 of 400 rows", "export plain numbers"],
+    ),
+    "dates that are not ISO": (
+        every_row(lambda line: f"05.03.2024 14:03:0{line}"),
+        ["row 2, column t", "date", "2024-03-05 14:03:59"],
+    ),
+    "times of too few digits": (every_row(lambda line: f"{float(line.split(',')[0]):.1f}," + line.split(",", 1)[1]),
+        ["95 % of the rows", "more digits"],
+    ),
+    "rows in reverse": (lambda lines: "\n".join([lines[0], *lines[:0:-1]]), ["falls from row to row", "sort"]),
+    "a position that slips": (replaced(61, 3, "9"), ["row 61", "column x", "away from the row above"]),
+    "an unknown name for the position": (
+        header(lambda name: "y" if name == "x" else name),
+        ["u_x varies, but there is no x", "y, declare it, such as", "x = {column = \"y"],
+    ),
+    "a doubled row": (lambda lines: "\n".join([*lines[:50], lines[49], *lines[50:]]),
+        ["row 51, column t", "delete repeated rows"],
+    ),
+    "all rows doubled": (every_row(lambda line: f"{line}\n{line}"), ["row 3, column t", "repeated"]),
+    "two files with headers": (lambda lines: "\n".join([*lines, *lines]), ["column t", "'t' is text"]),
+    "no input": (without("u_x"), ["x but no u_x", "in run.toml"]),
+    "no rope length": (without("l"), ["u_l but no l", "l = 0.7, under [locked]"]),
+    "a rope that moves without input": (without("u_l"), ["declare the hoist's input"]),
+    "no time": (without("t"), ["no column t for the time"]),
+    "psi and l exchanged": (exchanged("psi", "l"), ["column l: a rope length"]),
+    "time and angle exchanged": (exchanged("t", "psi"), ["column t", "no time; declare the column"]),
+    "input and position exchanged": (
+        exchanged("u_x", "x"),
+        ["column x: 4 m away from the row above, 5 ms before", "input such as u_x"],
+    ),
+    "blanks in names, too": (
+        lambda lines: "\n".join(lines).replace(",", " ").replace("u_x", "motor voltage"),
+        ["row 1", "blanks between the columns, and not as many names"],
+    ),
+    "points for thousands": (
+        lambda lines: german(lines, ";").replace("\n0,01;", "\n1.000,01;"),
+        ["row 2", "decimal points alone"],
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("edit", "needles"), REFUSED.values(), ids=REFUSED)
 def test_refused(write, lines, edit, needles, refusal):
-    message = refusal(write(edit(lines)))
+    path = write(edit(lines))
+    message = refusal(path)
     assert [needle for needle in needles if needle not in message] == []
     assert message.isprintable()
+    # `check` lists it among all problems.
+    (inspected,) = inspect_recordings([path])
+    assert message in inspected.problems
 
 
 def test_fifty_samples_will_do(write, lines):

@@ -9,6 +9,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import load_recording
+from jbridge.recordings.tables.clock import clock_seconds
 from jbridge.recordings.tables.csv_lines import drop_comments
 from jbridge.recordings.tables.csv_table import read_csv
 
@@ -63,6 +64,38 @@ def test_comments_of_other_widths_are_left_out(tmp_path):
     np.testing.assert_array_equal(table.row_numbers, [3, 5])
 
 
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        ("t,x\n0,1\n1,2\n", []),
+        ("14:03:59.1 -> t,x\n14:03:59.2 -> 0,1\n", ["serial monitor's time of day before each line is left out"]),
+        ("t,x\n# one\n0,1\n", ["1 line of comment, row 2 the first"]),
+        ("# one\nt,x\n0,1\n# two\n", ["2 lines of comment, row 1 the first"]),
+        ("t;x\n0,5;1\n1,5;2\n", ["separated by semicolons", "have decimal commas"]),
+        ("t x\n0 1\n1 2\n", ["separated by blanks"]),
+        ("t\n0\n1\n", []),
+        ("t,x,\n0,1,\n1,2,\n", ["ends with a separator, which is left out"]),
+        ("t,x\ns,mm\n0,1\n", ["Row 2 is read as the units"]),
+        ("t,psi\nS,Deg\n0,1\n", ["Row 2 is read as the units"]),
+    ],
+    ids=[
+        "nothing",
+        "stamps",
+        "a comment",
+        "comments",
+        "semicolons",
+        "blanks",
+        "one column",
+        "empty column",
+        "units",
+        "units in capitals",
+    ],  # fmt: skip
+)
+def test_what_was_rewritten_is_said(tmp_path, text, notes):
+    said = read(tmp_path, text).notes
+    assert len(said) == len(notes) and all(note in each for note, each in zip(notes, said, strict=True)), said
+
+
 def test_many_comments_take_no_longer_each(tmp_path):
     def seconds(count):
         lines = ["# a"] * count + ["t,x", "0,1"]
@@ -110,6 +143,12 @@ def test_what_is_no_time_of_day_is_refused(tmp_path, cells, row):
     table = read(tmp_path, "t,x\n" + "".join(f"{cell},1\n" for cell in cells))
     assert "t" not in table.columns
     assert f"row {row}, column t" in str(table.faulty["t"])
+
+
+@pytest.mark.parametrize(("later", "hours"), [("07:00:00", 11.0), ("10:00:00", -10.0)])
+def test_a_clock_that_falls_by_more_than_half_a_day_has_passed_midnight(later, hours):
+    """One that falls by less was set back, and the column is refused as times that fall."""
+    assert clock_seconds(["20:00:00", later]) == [0.0, 3600.0 * hours]
 
 
 def test_dates_with_offsets_are_compared_in_utc(tmp_path):

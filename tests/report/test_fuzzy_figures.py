@@ -1,4 +1,4 @@
-"""Fuzzy systems to look at: what is drawn is what the controller does."""
+"""Figures of fuzzy systems: what is drawn is what the controller does."""
 
 import jax.numpy as jnp
 import numpy as np
