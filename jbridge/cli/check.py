@@ -51,9 +51,9 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         console("linearising")
         recordings = [each.recording for each in inspections if each.recording is not None]
         try:
+            found = jbridge.identifiability(model, recordings) if recordings else None
             if not arguments.force:
                 jbridge.check_model_gains(model, recordings)
-            found = jbridge.identifiability(model, recordings) if recordings else None
         except InputError as error:
             mismatch = str(error)
     text = jbridge.describe_check(inspections, found, mismatch)

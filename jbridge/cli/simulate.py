@@ -43,8 +43,6 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     recording = jbridge.load_recording(arguments.input, inputs_only=True, force=arguments.force)
-    if not arguments.force:
-        jbridge.check_model_gains(model, [recording])
     console("simulating")
     columns = jbridge.simulate(model, recording, arguments.initial)
     Path(arguments.out).parent.mkdir(parents=True, exist_ok=True)

@@ -181,7 +181,7 @@ def engine_for(
         course(g, data.samples, history, data.period, override, table.size)
         for g, override in zip(data.grids, own, strict=True)
     ]
-    damped = stiff_axes(plant)
+    damped = stiff_axes(plant, fine=setting.fine)
     steps = Steps(substeps(plant, data.period, damped=damped), setting.fine, damped)
     return Engine(plant, courses, steps, len(data.tilings), given, width, lanes)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from ..errors import InputError
 from ..model.effects.drives import SpeedDrive
 from ..model.files import Model
-from ..recordings import GUESSED_GAIN, KNOWN_GAIN, Recording, contradiction, drive_gains, gain_remedy
+from ..recordings import FAR_GAIN, GUESSED_GAIN, KNOWN_GAIN, Recording, contradiction, drive_gains, gain_remedy
 
 
 def check_model_gains(model: Model, recordings: Sequence[Recording]) -> None:
@@ -17,7 +17,7 @@ def check_model_gains(model: Model, recordings: Sequence[Recording]) -> None:
 
 def doubtful_gains(model: Model, recordings: Sequence[Recording]) -> Iterator[tuple[str, bool]]:
     """Yields a sentence on each input that moves its axis far more, or less, than the model says it could, and whether
-    the model knows, or guesses.
+    its gain and masses are known.
 
     A force `K u` on a mass `m` with damping `R` gives the acceleration `K/m` and, in the end, the speed `K/R` per unit
     of input. Guesses may be rough: a fit begins with them all the same. Known ones are held against the acceleration
@@ -43,7 +43,8 @@ def doubtful_gains(model: Model, recordings: Sequence[Recording]) -> Iterator[tu
             found = drive_gains(recording, name)
             if known and "force" in found:
                 found = {"force": found["force"]}
-            ratio = contradiction(found, expected, KNOWN_GAIN if known else GUESSED_GAIN)
+            limits = (KNOWN_GAIN, FAR_GAIN) if known else (GUESSED_GAIN, GUESSED_GAIN)
+            ratio = contradiction(found, expected, *limits)
             if ratio is not None:
                 doubt = (
                     f"{recording.name}, column {name}: the rig moves {ratio:.2g} times as much per"

@@ -112,7 +112,7 @@ class Belt(NamedTuple):
     damping: Scalar
     """[N s/m]"""
     loss: Scalar
-    """What the motor's own damping takes of its speed [1/s],"""
+    """What the motor's own damping takes of its speed [1/s], 0 where that is in its row already,"""
     beyond: Scalar
     """and the speed beyond the cart's [m/s] with which `Sides.rest` has it: as the sides vibrate, it changes."""
 

@@ -2,7 +2,7 @@
 
 Motor and winch are coupled to the rest by a force alone, so they keep masses of their own; only the angle of a link
 below the hook enlarges the coupled mass matrix. What sticks, what meets and what rings between motor and cart is
-decided over a whole step (`dry`, `drive_train`), and so is a stiff speed loop (`speed_loop`).
+decided over a whole step (`dry_friction`, `drive_train`), and so are a speed loop and stiff damping (`speed_loop`).
 """
 
 from collections.abc import Sequence
@@ -74,7 +74,7 @@ class _Forces(NamedTuple):
     drive: Axes
     """Forces of the motors alone."""
     loops: dict[str, Loop]
-    """Speed loops that are solved over a whole step, by axis; their forces are in none of the others."""
+    """Speed loops, and damping like theirs, that are solved over a whole step, by axis; in none of the other forces."""
 
 
 class _Coupled(NamedTuple):
@@ -213,7 +213,8 @@ def _rows(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Cou
 
 def _damped(plant: Plant, stage: Stage, step: Step, rows: Rows, damped: Sequence[str]) -> Rows:
     """The rows of drives that something parts from their axes, as means over a step with their viscous damping: it
-    lessens what accelerates them, and what friction and contact do to them, by the same share."""
+    lessens what accelerates them, and what friction and contact do to them, by one share in a stage. Beside an impact
+    late in the step this is right to order 1 in the step alone."""
     rest, w = list(rows.rest), [list(row) for row in rows.w]
     begun, now = step.v.at_drives(), stage.v.at_drives()
     for i, axis, parted in ((0, "x", plant.drive_train), (2, "l", plant.rope_end)):

@@ -1,4 +1,4 @@
-"""Velocity-controlled drives (an inner speed loop), solved in closed form over an integration step.
+"""Velocity-controlled drives (an inner speed loop, or stiff viscous damping), solved in closed form over a step.
 
 A loop that pulls with `rate (speed - v)` makes the velocity of an axis with inverse mass `w` approach its end as
 `exp(-w rate t)`. Over a step of length `h`, under steady other forces and a setpoint that moves evenly, the mean

@@ -49,13 +49,26 @@ def _halvings(pace: float) -> int:
     return math.ceil(math.log2(pace)) if pace > 1.0 else 0
 
 
-def stiff_axes(plant: Plant, rigid: float = RIGID) -> tuple[str, ...]:
-    """Axes whose viscous damping asks for steps shorter than `rigid` [s], and may be solved in closed form instead: see
-    `equations.accelerations`."""
+def stiff_axes(plant: Plant, *, fine: bool = False) -> tuple[str, ...]:
+    """Axes whose viscous damping is better solved in closed form (see `equations.accelerations`), since steps may be
+    longer then.
+
+    Args:
+        plant: known numbers.
+        fine: whether steps are of order 4: their stages look back and ahead by more than the step, which contact beside
+            a damping in closed form does not bear.
+    """
     parted = _parted(plant)
-    solved = [axis for axis in DRIVE_OF_AXIS if (parted[axis] or not any(parted.values()))]
-    rates = _fading(plant, ())
-    return tuple(axis for axis in solved if plant.speed_loop(axis) is None and rates[axis] * rigid > _FADE)
+    if fine and any(parted.values()):
+        return ()
+    axes = tuple(
+        axis for axis in DRIVE_OF_AXIS if (parted[axis] or not any(parted.values())) and plant.speed_loop(axis) is None
+    )
+    return tuple(axis for axis in axes if _fading(plant, ())[axis] * RIGID > _FADE) if _helps(plant, axes) else ()
+
+
+def _helps(plant: Plant, damped: Sequence[str]) -> bool:
+    return longest_step(plant, RIGID, damped) > longest_step(plant, RIGID)
 
 
 def _parted(plant: Plant) -> dict[str, bool]:

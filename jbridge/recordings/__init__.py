@@ -12,6 +12,7 @@ from jbridge.recordings.load import (
     load_recording,
     load_recordings,
 )
+from jbridge.recordings.plausibility.gains import FAR as FAR_GAIN
 from jbridge.recordings.plausibility.gains import GUESSED as GUESSED_GAIN
 from jbridge.recordings.plausibility.gains import KNOWN as KNOWN_GAIN
 from jbridge.recordings.plausibility.gains import contradiction, drive_gains
@@ -20,6 +21,7 @@ from jbridge.recordings.recording import Recording, covered_by
 from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
+    "FAR_GAIN",
     "GUESSED_GAIN",
     "Inspection",
     "KNOWN_GAIN",

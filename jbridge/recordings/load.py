@@ -18,7 +18,6 @@ from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import (
     doubtful_absence,
     doubtful_angle,
-    doubtful_inputs,
     doubtful_names,
     doubtful_units,
 )
@@ -205,7 +204,7 @@ def make_reading(
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values
     of_units = [*doubtful_units(channels), *doubtful_angle(channels, parts.locked_length)]
-    for doubt in (*of_units, *doubtful_inputs(channels)):
+    for doubt in of_units:
         tell(doubt)
     measured = {name: values[name] for name in MEASURED if name in values}
     resolution = {

@@ -128,7 +128,7 @@ def advance(
     With `looped`, stages are a loop, which compiles in three quarters of the time. A backward pass computes each stage
     anew from its positions and velocities: that is less work than to write all of it to memory and to read it back.
     Tangents take as long with a loop as without; a simulation alone takes longer. On `damped` axes the viscous
-    damping of drives is no matter of the method, see `equations.accelerations`.
+    damping of the drive is solved over the whole step, see `equations.accelerations`.
     """
     spring = plant.hysteresis
     # In one order in every process, so that compiled programs are found again.

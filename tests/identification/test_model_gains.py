@@ -15,7 +15,7 @@ DEMO = Path(__file__).parents[2] / "jbridge" / "demo_data"
 
 
 @pytest.mark.parametrize(
-    ("factor", "known", "doubted"), [(1, True, False), (1, False, False), (10, True, True), (10, False, False)]
+    ("factor", "known", "doubted"), [(1, True, False), (1, False, False), (0.1, True, True), (10, True, False)]
     + [(300, False, True), (1 / 300, False, True)],
 )  # fmt: skip
 def test_an_input_is_held_against_the_model(tmp_path, factor, known, doubted):

@@ -63,8 +63,6 @@ MENDED = {
     "u_l turned": scaled(u_l=-1.0),
     "x turned": scaled(x=-1.0),
     "x turned about the rail's end": scaled() | {"x": 1.5 - TRUTH["x"]},
-    "u_x in mV": scaled(u_x=1e3),
-    "u_x in mV and turned": scaled(u_x=-1e3),
     "both inputs turned": scaled(u_x=-1.0, u_l=-1.0),
     "psi and u_x turned": scaled(psi=-1.0, u_x=-1.0),
     "psi in degrees and turned": scaled(psi=-180 / np.pi),

@@ -169,6 +169,8 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
+    if time.monotonic() > problem.until:
+        return found
     if not good:
         moves = paired(problem, part, now, among, shared, choice)
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
@@ -246,6 +248,9 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
             restarted = True
             absent = Start(move.absent, start.free, now.point.states)
             point = min(point, *problem.solve(engine, [absent], _POLISH), key=lambda p: p.value)
+        if time.monotonic() > problem.until:
+            # What was cut short says nothing beside what was not.
+            return None
         structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
         # One that gains nothing needs no price.
         return weighed(problem, structure) if point.value < now.value else structure

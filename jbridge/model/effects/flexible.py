@@ -69,12 +69,12 @@ class BeltCompliance(AbstractMechanism):
         mass = scene.bridge["cart_mass"]
         return [
             Seed(
-                {"stiffness": stiffness, "damping": 10.0, "motor_mass": 0.2 * mass, "encoder": encoder},
+                {"stiffness": mass * rate**2, "damping": 2.0 * mass, "motor_mass": 0.2 * mass, "encoder": encoder},
                 ("stiffness", "damping", "motor_mass"),
                 finite=True,
             )
             for encoder in ("cart", "motor")
-            for stiffness in (2000.0, 12000.0)
+            for rate in (19.0, 47.0)  # of the cart on its belt [rad/s]
         ]
 
 

@@ -22,13 +22,13 @@ CELL = 0.1
 FAR, USUAL = 10.0, 0.99
 """Multiple of the size that a share of the rows (`USUAL`) stay below, from which on an input stands out."""
 HOLDS = 0.1
-"""Share of the mean square, of a motion or of the forces, up to which an equation holds; those of measured rigs leave
-0.1 to 26 %, and exchanged columns 12 to 99 %."""
+"""Share of the mean square, of a motion or of the forces, up to which an equation holds; equations of measured rigs
+leave 0.1 to 26 %, and those of exchanged columns 12 to 99 %."""
 TINY = 1e-100
 """Size [SI] below which an input is none."""
 FOLLOWS = 0.5
-"""Share of a motion's mean square below which it follows its input. Sines and slow inputs follow their own responses,
-too, and leave 0.1 of themselves, but then the motion follows the input as well."""
+"""Share of a motion's mean square below which it follows its input. A sine, or a slow input, could be the
+response to what it causes, but then the motion follows it as well."""
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,14 @@ from jbridge.recordings.tables.columns import BASE_UNITS, GAINS, UNITS
 
 LAWS = ("force", "speed")
 """What a drive may impose: a force, so that the acceleration follows the input, or a speed."""
-KNOWN, GUESSED = 8.0, 30.0
-"""Ratio from which on two gains contradict each other: of a recording and a model whose gain and masses are known (dry
-friction and delays make up to 5 on measured rigs); and of one and a guess (up to 14), or of two recordings, one of
-which may show little more than the creeping of an axis that friction all but holds."""
+KNOWN, GUESSED, FAR = 8.0, 30.0, 300.0
+"""Ratio from which on a rig moves more per unit of an input than a known gain lets it, from which on a guess is far
+off, and from which on, in either direction, units are the likelier reason: what a limit, a dead zone or dry friction
+keeps back of a motion is up to 50 times what they let pass."""
 
 
 def drive_gains(recording: Recording, name: str) -> dict[str, float]:
-    """Returns motion per unit of an input (`u_x` or `u_l`), by the law that says so; nothing where it tells none.
+    """Returns the motion per unit of an input (`u_x` or `u_l`), by law, for the laws that the recording follows.
 
     The gain of the law of force is in m/s² per unit, that of the law of speed in m/s per unit.
     """
@@ -43,10 +43,18 @@ def drive_gains(recording: Recording, name: str) -> dict[str, float]:
     }
 
 
-def contradiction(found: Mapping[str, float], expected: Mapping[str, float], limit: float) -> float | None:
-    """Returns how many times larger gains are than expected, if each law that tells says that they contradict."""
+def contradiction(
+    found: Mapping[str, float], expected: Mapping[str, float], limit: float, less: float | None = None
+) -> float | None:
+    """Returns how many times larger gains are than expected, if each law that tells says that they contradict.
+
+    Args:
+        found, expected: gains by law.
+        limit: ratio from which on they do.
+        less: the same where fewer are found than expected; by default that limit.
+    """
     ratios = [found[law] / expected[law] for law in LAWS if law in found and expected.get(law, 0.0) > 0]
-    if ratios and (min(ratios) > limit or max(ratios) < 1 / limit):
+    if ratios and (min(ratios) > limit or max(ratios) < 1 / (less or limit)):
         return min(ratios, key=lambda ratio: abs(np.log(ratio)))
     return None
 
@@ -75,8 +83,7 @@ def check_gains(names: Sequence[object], recordings: Sequence[Recording]) -> Non
     for name in INPUTS:
         gains = [(drive_gains(recording, name), recording.override.get(GAINS[name])) for recording in recordings]
         against = [
-            [contradiction(one, other, GUESSED) if own == others else None for other, others in gains]
-            for one, own in gains
+            [contradiction(one, other, FAR) if own == others else None for other, others in gains] for one, own in gains
         ]
         counts = [sum(ratio is not None for ratio in row) for row in against]
         if not any(counts):

@@ -90,7 +90,7 @@ def unfelt_inputs(channels: Channels, samples: Mapping[str, Samples]) -> Iterato
         u = channels.values[name]
         rows = unfelt_rows(channels.values["t"], u, samples[axis], samples.get(load))
         if rows.size:
-            more = f", and {rows.size - 1} more rows, are" if rows.size > 1 else " is"
+            more = " is" if rows.size == 1 else f", like {rows.size - 1} more, is"
             yield channels.error(
                 int(rows[0]),
                 name,

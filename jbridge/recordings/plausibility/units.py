@@ -14,12 +14,10 @@ from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, exces
 from jbridge.recordings.plausibility.drive import CELL
 from jbridge.recordings.plausibility.motion import swing_cells, swing_errors
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
-from jbridge.recordings.tables.columns import BASE_UNITS, UNITS, labelled_columns, plain_column
+from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
-HIGHEST, LOWEST = 1000.0, 0.05
-"""Voltage or current [V, A] that no laboratory's drive is fed with, and one below which a header's unit is doubted."""
 SMALLEST = 1e-3
 """Way of a driven cart [m] below which a header's unit is doubted."""
 LEAP, SLIP = 0.5, 0.01
@@ -102,25 +100,6 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
             yield refusal(channels, name, what, factor=factor)
         elif name == "x" and 0 < size < SMALLEST:
             yield from doubtful_rest(channels, size)
-
-
-def doubtful_inputs(channels: Channels) -> Iterator[InputError]:
-    """Yields the refusals of voltages and currents that are too large for their unit, or too small for a header's."""
-    for name in ("u_x", "u_l"):
-        if name not in channels.values or channels.units[name] not in BASE_UNITS.values():
-            continue
-        column, unit = channels.columns[name], channels.units[name]
-        # A single value that stands out is no matter of units.
-        size = float(np.quantile(np.abs(channels.values[name]), 0.9))
-        if size > HIGHEST and column.unit == unit:
-            yield refusal(
-                channels,
-                name,
-                f'{size:.4g} {unit} is more than any laboratory feeds; PWM has unit = "count"',
-                factor=1e-3,
-            )
-        elif 0 < size < LOWEST and column.unit != unit and column in labelled_columns(name, [column.name]):
-            yield refusal(channels, name, f"{size:.2g} {unit} moves no drive", factor=1e3)
 
 
 def refusal_of_steps(channels: Channels, step: float) -> InputError:
