@@ -185,6 +185,7 @@ DEAD = (("dead_zone", "cart_drive", {"positive": 0.25, "negative": 0.25}),)
 TILT = (("constant_force", "cart", {"level": -4.0}),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [0, 1])
 def test_friction_and_a_dead_zone_are_told_apart(truth):
     """What one direction of motion cannot tell, the proposed input decides, whichever is true."""

@@ -54,7 +54,14 @@ def test_windows_are_rollouts_of_their_own():
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9
 
 
-@pytest.mark.parametrize("between", [(), ("belt_compliance", {"stiffness": 2e4}), ("backlash", {"gap": 0.002})])
+@pytest.mark.parametrize(
+    "between",
+    [
+        (),
+        pytest.param(("belt_compliance", {"stiffness": 2e4}), marks=pytest.mark.slow),
+        ("backlash", {"gap": 0.002}),
+    ],
+)
 def test_stiff_damping_asks_for_no_more_steps(between):
     """A cart that takes its speed in 3 ms, against steps so short that its damping is not stiff."""
     stiff = {"cart_damping": 1650.0, "cart_gain": 580.0, "swing_damping": 0.01}
