@@ -61,14 +61,13 @@ def stiff_axes(plant: Plant, *, fine: bool = False) -> tuple[str, ...]:
     parted = _parted(plant)
     if fine and any(parted.values()):
         return ()
+    rates, whole = _fading(plant, ()), not any(parted.values())
     axes = tuple(
-        axis for axis in DRIVE_OF_AXIS if (parted[axis] or not any(parted.values())) and plant.speed_loop(axis) is None
+        axis
+        for axis in DRIVE_OF_AXIS
+        if (parted[axis] or whole) and plant.speed_loop(axis) is None and rates[axis] * RIGID > _FADE
     )
-    return tuple(axis for axis in axes if _fading(plant, ())[axis] * RIGID > _FADE) if _helps(plant, axes) else ()
-
-
-def _helps(plant: Plant, damped: Sequence[str]) -> bool:
-    return longest_step(plant, RIGID, damped) > longest_step(plant, RIGID)
+    return axes if longest_step(plant, RIGID, axes) > longest_step(plant, RIGID) else ()
 
 
 def _parted(plant: Plant) -> dict[str, bool]:

@@ -9,7 +9,7 @@ import pytest
 from jbridge._types import Axes
 from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.plant import Motion
-from jbridge.model.steps import longest_step, substeps
+from jbridge.model.steps import longest_step, stiff_axes, substeps
 from tests.problems import make_plant
 
 RIGID = 0.005
@@ -93,3 +93,19 @@ def test_of_many_bridges_the_fastest_decides():
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *plants)
     assert longest_step(both, RIGID) == longest_step(plants[1], RIGID) < longest_step(plants[0], RIGID)
     assert substeps(both, 0.02, RIGID) == round(0.02 / longest_step(plants[1], RIGID))
+
+
+@pytest.mark.parametrize(
+    ("plant", "fine", "axes"),
+    [
+        (make_plant(), False, ()),
+        (make_plant(cart_damping=2e3), False, ("x",)),
+        (make_plant(cart_damping=2e3), True, ("x",)),
+        (make_plant(("backlash", "cart", {"gap": 0.001}), cart_damping=2e3), False, ("x",)),
+        (make_plant(("backlash", "cart", {"gap": 0.001}), cart_damping=2e3), True, ()),
+        # The wire asks for shorter steps still.
+        (make_plant(rope(1e6, 50.0), hoist_damping=600.0), False, ()),
+    ],
+)
+def test_damping_is_solved_in_closed_form_where_steps_get_longer(plant, fine, axes):
+    assert stiff_axes(plant, fine=fine) == axes
