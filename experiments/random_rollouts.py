@@ -48,6 +48,7 @@ EFFECTS: dict[str, dict[str, float]] = {
     "saturation@cart_drive": {"limit": 5.0},
     "input_delay@cart_drive": {"delay": 0.02},
     "input_delay@hoist_drive": {"delay": 0.01},
+    "start_delay@cart_drive": {"delay": 0.02},
     "actuator_lag@hoist_drive": {"time_constant": 0.05},
     "gain_drift@cart_drive": {"rate": 0.01},
     "drum_radius_change@hoist_drive": {"slope": 0.2, "length": 0.4},

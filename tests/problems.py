@@ -228,6 +228,7 @@ def example(kind: str, site: str) -> dict:
         "dead_zone": {"positive": 0.3, "negative": 0.2},
         "saturation": {"limit": 2.0},
         "input_delay": {"delay": 0.0123},
+        "start_delay": {"delay": 0.0123},
         "actuator_lag": {"time_constant": 0.04},
         "force_limit": {"limit": {"x": 20.0, "psi": 0.0, "l": 2.0}[axis]},
         "back_emf": {"constant": 0.7},

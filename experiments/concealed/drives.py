@@ -1,7 +1,7 @@
 """Drives of the concealed rig: the voltage that was logged in, the voltage that the motor acts on out.
 
-The stages compose in one fixed order: delay, saturation, dead zone, gain asymmetry and drift, drum radius,
-lag, ripple. Gain, speed loop and the force's limit follow.
+The stages compose in one fixed order: delay, saturation, dead zone, gain asymmetry and drift, late start,
+drum radius, lag, ripple. Gain, speed loop and the force's limit follow.
 """
 
 import math
@@ -24,6 +24,17 @@ def _saturation(e: Effect, at: Layout, dt: float) -> Stage:
 
 def _dead_zone(e: Effect, at: Layout, dt: float) -> Stage:
     return lambda u, t, q, both: u - min(max(u, -e["negative"]), e["positive"])
+
+
+def _start_delay(e: Effect, at: Layout, dt: float) -> Stage:
+    since = [math.inf]
+
+    def stage(u: float, t: float, q: Vector, both: Vector) -> float:
+        since[0] = min(since[0], t) if u else math.inf
+        # The share of the step that lies behind the start and its delay.
+        return u * min(max((t + dt - since[0] - e["delay"]) / dt, 0.0), 1.0)
+
+    return stage
 
 
 def _gain_asymmetry(e: Effect, at: Layout, dt: float) -> Stage:
@@ -62,6 +73,7 @@ STAGES: dict[str, Callable[[Effect, Layout, float], Stage]] = {
     "dead_zone": _dead_zone,
     "gain_asymmetry": _gain_asymmetry,
     "gain_drift": _gain_drift,
+    "start_delay": _start_delay,
     "drum_radius_change": _drum_radius_change,
     **DRIVE_STAGES,
     **clutter.DRIVE_STAGES,

@@ -115,6 +115,8 @@ KINDS = {
     ("hoist_backlash", "hoist"): lambda d, s: {"gap": s * d.u(2e-3, 5e-3), "motor_mass": d.u(0.04, 0.06)},
     ("saturation", "cart_drive"): lambda d, s: {"limit": d.u(2.2, 2.6)},
     ("input_delay", "cart_drive"): lambda d, s: {"delay": d.steps(0.010, 0.025, s)},
+    ("start_delay", "cart_drive"): lambda d, s: {"delay": d.steps(0.02, 0.05, s)},
+    ("start_delay", "hoist_drive"): lambda d, s: {"delay": d.steps(0.03, 0.06, s)},
     ("actuator_lag", "cart_drive"): lambda d, s: {"time_constant": s * d.u(0.015, 0.03)},
     ("gain_asymmetry", "cart_drive"): lambda d, s: {"ratio": s * d.sign() * d.u(0.01, 0.02)},
     ("gain_drift", "cart_drive"): lambda d, s: {"rate": s * d.sign() * d.u(0.001, 0.002)},

@@ -259,18 +259,20 @@ LAWS = (
     "speed_drive hoist_drive", "clock_scale clock",
 )  # fmt: skip
 """What recordings of real rigs asked for; no part above has any of it."""
-HALVES["law-sizes"] = [f"full {name}" for name in LAWS]
+STARTS = ("start_delay cart_drive", "start_delay hoist_drive")
+"""Laws that came after these."""
+HALVES["law-sizes"] = [f"full {name}" for name in (*LAWS, *STARTS)]
 """Only to size them."""
-HALVES["laws"] = [
-    f"full {name} at {size}{rest}"
-    for name in LAWS
-    for size, rest in (
-        (5, ""),
-        (20, " closed"),
-        (60, ""),
-        (20, " in clutter"),
-        (40, " in clutter closed"),
-        (100, " in clutter"),
-    )
-]
-"""Each at three sizes, clean and in clutter."""
+for half, names, errors in (
+    ("laws", LAWS, (5, 20, 60, 20, 40, 100)),
+    ("starts", STARTS, (50, 200, 800, 100, 300, 1000)),
+):
+    HALVES[half] = [
+        f"full {name} at {error}{rest}"
+        for name in names
+        for error, rest in zip(
+            errors, ("", " closed", "", " in clutter", " in clutter closed", " in clutter"), strict=True
+        )
+    ]
+"""Each at three sizes, clean and in clutter; a start that is late by less than some ten times the noise is late by less
+than anyone would call a delay."""

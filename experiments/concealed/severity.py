@@ -29,6 +29,7 @@ UNSIZED = {"end_stop", "saturation", "rope_elasticity", "force_limit", "speed_dr
 """Their size is where they begin to act, or (a rope's stretch) a length that nothing else explains."""
 LEAST = {
     "input_delay": 0.5,
+    "start_delay": 0.5,
     "sensor_delay": 0.5,
     "actuator_lag": 0.5,
     "backlash": 0.2,

@@ -26,7 +26,7 @@ from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
-from .equivalents import contenders, estimated, named_effect, parameters_of
+from .equivalents import Named, contenders, estimated, named_effect, parameters_of
 from .experiment_design.next_experiment import next_experiment
 from .localization.location import location, repeatable
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect
@@ -134,12 +134,15 @@ def _told(
     verdict, complete = checked.verdict if opened else (None, False)
     tell("drawing up the report")
     values, doubts = estimated(problem, final)
-    searched = values if final.names == found.names else estimated(problem, of_its_own(problem, found))[0] | values
-    on_holdout = functools.partial(whole_errors, problem, sealed=sealed)
+    searched = final if final.names == found.names else of_its_own(problem, found)
+    told = values if searched is final else estimated(problem, searched)[0] | values
+    names = Named(search, search.held[0], told, functools.partial(whole_errors, problem, sealed=sealed))
     with ThreadPoolExecutor(AT_ONCE) as pool:
         # Explanations that are not told apart have programs of their own.
         named = [
-            pool.submit(named_effect, search, c, searched, c.name in final.names, on_holdout) for c in checked.checked
+            pool.submit(named_effect, names, c, final if inside else searched, in_model=inside)
+            for c in checked.checked
+            for inside in [c.name in final.names]
         ]
         effects = tuple(each.result() for each in named)
     shown = traces((base.plant, checked.train_before), (final.plant, checked.train_after), "train")

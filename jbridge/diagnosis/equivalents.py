@@ -1,8 +1,10 @@
 """Named effects with their estimates, and the explanations that the recordings cannot tell from them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..identification.estimation import Problem
 from ..identification.result import Estimate
@@ -16,8 +18,8 @@ from .selection.moves import axis_of
 from .selection.search import Search
 from .structures.candidates import WRONG_VALUE
 from .structures.space import Name
-from .structures.structure import Structure
-from .validation.refits import Fixed, of_its_own
+from .structures.structure import Structure, blocks_of
+from .validation.refits import Fixed, replaced
 from .validation.validate import Checked
 from .words import effect_sentence
 
@@ -87,14 +89,16 @@ def _declared(one: Name, other: Name) -> bool:
     )
 
 
-def _chances(members: Sequence[Structure]) -> np.ndarray:
-    """Weight of each by the criterion, the mean over resamples of the blocks.
+def _chances(blocks: NDArray[np.float64], prices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of each model by the criterion, the mean over resamples of the blocks.
 
     Where one is the best by far in every resample, it is the share of resamples in which it is; two that differ by
     next to nothing have half each.
+
+    Args:
+        blocks: the criterion, by model and block.
+        prices: by model, with what no resample changes.
     """
-    blocks = np.stack([s.blocks for s in members])
-    prices = np.array([s.price for s in members])
     rng = np.random.default_rng(0)
     drawn = rng.integers(0, blocks.shape[1], (CRITERIA.bootstrap, blocks.shape[1]))
     values = blocks[:, drawn].sum(axis=2) + prices[:, None]
@@ -102,33 +106,33 @@ def _chances(members: Sequence[Structure]) -> np.ndarray:
     return (weights / weights.sum(axis=0)).mean(axis=1)
 
 
-def named_effect(
-    search: Search,
-    checked: Checked,
-    values: Mapping[str, Estimate],
-    in_model: bool,
-    holdout_errors: Callable[[Fixed], Mapping[str, float]],
-) -> NamedEffect:
-    """An effect with what cannot be told from it.
+class Named(NamedTuple):
+    """What names of effects are told from."""
+
+    search: Search
+    base: Structure
+    """The model as given, refitted."""
+    values: Mapping[str, Estimate]
+    """Estimates of all parameters."""
+    holdout_errors: Callable[[Fixed], Mapping[str, float]]
+    """The rms error of a model on the hold-out, by channel."""
+
+
+def named_effect(of: Named, checked: Checked, model: Fixed, *, in_model: bool) -> NamedEffect:
+    """An effect with what cannot be told from it: what makes the model nearly as good in its place.
+
+    What comes near in the round in which the effect was found is fitted in its place in the model, since what was added
+    later may have parted the two.
 
     Args:
-        search: that found it.
+        of: where it was found.
         checked: the effect, as the hold-out judges it.
-        values: estimates of all parameters.
-        in_model: whether the final model has it.
-        holdout_errors: the rms error of a model on the hold-out, by channel.
+        model: with the effect.
+        in_model: whether that is the final one.
     """
     kind, site = checked.name
-    parameters = parameters_of(kind, site, values)
-    members = round_of(search, checked.name)
-    rivals: list[Rival] = []
-    own = 1.0
-    if members is not None:
-        chances = _chances([structure for _, structure in members])
-        own = float(chances[0])
-        order = sorted(range(1, len(members)), key=lambda i: -chances[i])
-        near = [i for i in order if chances[i] >= CRITERIA.apart][: CRITERIA.rivals]
-        rivals = [_rival(search, *members[i], float(chances[i]), holdout_errors) for i in near]
+    parameters = parameters_of(kind, site, of.values)
+    rivals, own = _rivals(of, checked.name, model)
     statement = effect_sentence(kind, site, parameters, rivals)
     return NamedEffect(
         kind=kind,
@@ -143,16 +147,34 @@ def named_effect(
     )
 
 
-def _rival(
-    search: Search,
-    name: Name,
-    own: Structure,
-    probability: float,
-    holdout_errors: Callable[[Fixed], Mapping[str, float]],
-) -> Rival:
-    model = of_its_own(search.problem, own)
-    values, _ = estimated(search.problem, model)
-    return Rival(*name, probability, parameters_of(*name, values), holdout_errors(model))
+def _rivals(of: Named, name: Name, model: Fixed) -> tuple[list[Rival], float]:
+    """What comes near an effect, the nearest first, and the effect's own weight beside it."""
+    members = round_of(of.search, name)
+    if members is None:
+        return [], 1.0
+    structures = [structure for _, structure in members]
+    prices = np.array([structure.price for structure in structures])
+    then = _chances(np.stack([s.blocks for s in structures]), prices)
+    order = sorted(range(1, len(members)), key=lambda i: -then[i])
+    near = [i for i in order if then[i] >= CRITERIA.apart][: CRITERIA.rivals]
+    if not near:
+        return [], 1.0
+    problem = of.search.problem
+    models = [model, *(replaced(problem, model, of.base, name, structures[i], members[i][0]) for i in near)]
+    blocks = blocks_of(problem)
+    parts = np.array([problem.likelihood.by_window(m.point.square).sum(axis=1) for m in models])
+    by_block = np.stack([parts[:, blocks == b].sum(axis=1) for b in range(int(blocks.max()) + 1)], axis=1)
+    # Windows across blocks count in every resample.
+    rest = np.array([m.point.value for m in models]) - by_block.sum(axis=1)
+    chances = _chances(by_block, rest + prices[[0, *near]])
+    rivals = []
+    for k in sorted(range(1, len(models)), key=lambda k: -chances[k]):
+        if chances[k] >= CRITERIA.apart:
+            other = members[near[k - 1]][0]
+            values, _ = estimated(problem, models[k])
+            errors = of.holdout_errors(models[k])
+            rivals.append(Rival(*other, float(chances[k]), parameters_of(*other, values), errors))
+    return rivals, float(chances[0])
 
 
 def contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:

@@ -115,7 +115,7 @@ class Translator:
             return self._moved(equation, inputs)
         special = {
             "select_n": self._select, "cond": self._cond, "while": self._while, "scan": self._scan,
-            "cumsum": self._cumsum, "sort": self._sort,
+            "cumsum": self._cumulated, "cummax": self._cumulated, "sort": self._sort,
         }.get(name)  # fmt: skip
         if special is not None:
             return special(equation, inputs)
@@ -172,12 +172,14 @@ class Translator:
         rows = [np.asarray(row, object) for row in moved.reshape(-1, *moved.shape[len(axes) :])]
         return functools.reduce(lambda a, b: self._each(template, [a, b]), rows)
 
-    def _cumsum(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
+    def _cumulated(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
+        template = ELEMENTWISE["max" if equation.primitive.name == "cummax" else "add"]
+        dtype = _aval(equation.outvars[0]).dtype
         axis, backwards = equation.params["axis"], equation.params["reverse"]
         rows = list(np.moveaxis(inputs[0], axis, 0))[:: -1 if backwards else 1]
         total = [np.asarray(rows[0], object)]
         for row in rows[1:]:
-            total.append(self._each(ELEMENTWISE["add"], [total[-1], np.asarray(row, object)]))
+            total.append(self._each(template, [total[-1], np.asarray(row, object)], dtype))
         return [np.moveaxis(np.stack(total[:: -1 if backwards else 1]), 0, axis)]
 
     def _sort(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:
@@ -187,8 +189,8 @@ class Translator:
         for end in range(len(value) - 1, 0, -1):
             for k in range(end):
                 pair = [np.asarray(value[k], object), np.asarray(value[k + 1], object)]
-                value[k] = self._each(ELEMENTWISE["min"], pair)[()]
-                value[k + 1] = self._each(ELEMENTWISE["max"], pair)[()]
+                smaller, larger = (self._each(ELEMENTWISE[name], pair) for name in ("min", "max"))
+                value[k], value[k + 1] = smaller[()], larger[()]
         return [np.moveaxis(value, 0, equation.params["dimension"])]
 
     def _moved(self, equation: JaxprEqn, inputs: list[Atoms]) -> list[Atoms]:

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.effects.drives import InputDelay
+from ..model.effects.drives import AbstractDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
 from ..model.steps import stiff_axes, substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
+from .prior import Prior
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Steps
 from .setting import Setting, free_places, overrides
@@ -89,7 +90,9 @@ class Problem:
         data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])
         chosen = np.array(keep)[self.windows.tiling]
         own = self.likelihood
-        part = Likelihood(own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total)
+        part = Likelihood(
+            own.share[chosen], own.within[chosen], own.count[chosen], own.group[chosen], own.total, own.prior
+        )
         return Problem(self.setting, data, index(data), part, self.until)
 
     def states_of(self, states: Sequence[NDArray[np.float64]], part: "Problem") -> tuple[NDArray[np.float64], ...]:
@@ -112,7 +115,7 @@ class Problem:
 
     def judged_by(self, left: Sequence[NDArray[np.float64]]) -> "Problem":
         """The same with effective numbers of samples from what a model leaves."""
-        return dataclasses.replace(self, likelihood=likelihood(self.data, self.windows, left))
+        return dataclasses.replace(self, likelihood=likelihood(self.data, self.windows, left, self.likelihood.prior))
 
     def solve(self, engine: Engine, starts: Sequence[Start], iterations: int = _NEXT) -> list[Point]:
         limits = Limits(iterations, until=self.until)
@@ -154,13 +157,13 @@ class Problem:
 
     def revalued(self, point: Point) -> Point:
         """A point by this problem's criterion."""
-        return dataclasses.replace(point, value=self.likelihood.value(point.square))
+        return dataclasses.replace(point, value=self.likelihood.value(point.square) + point.prior)
 
 
 def make_problem(setting: Setting, data: Data) -> Problem:
     """A problem whose criterion takes every sample of what is measured for a part of one smooth error."""
     windows = index(data)
-    return Problem(setting, data, windows, likelihood(data, windows))
+    return Problem(setting, data, windows, likelihood(data, windows, prior=Prior(setting.masses)))
 
 
 def engine_for(
@@ -175,7 +178,7 @@ def engine_for(
     """
     table = ParameterTable(plant)
     own = overrides(table, data.recordings)
-    memory = 1.5 * sum(float(e.delay) for e in plant.all(InputDelay)) + 5.0 * max(map(float, plant.time_constants()))
+    memory = 1.5 * sum(float(e.delay) for e in plant.all(AbstractDelay)) + 5.0 * max(map(float, plant.time_constants()))
     history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
     courses = [
         course(g, data.samples, history, data.period, override, table.size)

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .data.windows import Data
+from .prior import Prior
 
 NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
@@ -98,6 +99,8 @@ class Likelihood:
     """Number of each window's recording and horizon, which have a scale together."""
     total: float
     """Effective number of samples of all recordings and channels, `N` of the price."""
+    prior: Prior
+    """What is known of the parameters beforehand, which counts beside the windows."""
 
     def variance(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """`s2` from the mean square of each window's errors, both over the noise's variance."""
@@ -126,13 +129,23 @@ class Likelihood:
         return self.share * (0.5 * np.log(own) + np.log(0.5 * (1.0 + self.variance(square) / own)))
 
     def value(self, square: NDArray[np.float64]) -> float:
-        """`J` without a price."""
+        """`J` of the windows, without what the parameters cost beforehand and without a price."""
         return float(self.by_window(square).sum())
 
     def of_squares(self) -> "Likelihood":
         """Least squares on the same windows: half the sum of squares over the noise's variance, less a constant."""
         share, within = self.count * NU / _FEW, np.full(self.count.shape, _FEW)
-        return Likelihood(share, within, self.count, self.group, self.total)
+        return Likelihood(share, within, self.count, self.group, self.total, self.prior)
+
+    def expected(self, square: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What each window's part of the criterion is expected to rise by, by window and channel, if a model is
+        replaced by another one although it is true.
+
+        Args:
+            square: mean square errors of the model, over the noise's variance.
+            apart: those of the two models' predictions from each other.
+        """
+        return np.maximum(self.by_window(square + apart) - self.by_window(square), 0.0)
 
     def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weight of each sample's squared error over the noise's variance, by window and channel.
@@ -144,7 +157,12 @@ class Likelihood:
         return slope / (self.scale(square) + self.variance(square)) / np.maximum(self.count, 1.0)
 
 
-def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float64]] | None = None) -> Likelihood:
+def likelihood(
+    data: Data,
+    windows: Index,
+    residuals: Sequence[NDArray[np.float64]] | None = None,
+    prior: Prior = Prior(),
+) -> Likelihood:
     """The criterion with effective numbers of samples from what a model leaves.
 
     Args:
@@ -152,6 +170,7 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
         windows: of its tilings.
         residuals: what the best model so far leaves, by tiling, `(sample, 3)`, over the noise; 0 where nothing is
             measured. Without a model each recording counts as one smooth error.
+        prior: of the parameters.
     """
     shape = windows.count.shape
     within, share = np.ones(shape), np.zeros(shape)
@@ -179,7 +198,7 @@ def likelihood(data: Data, windows: Index, residuals: Sequence[NDArray[np.float6
             share[windows.tiling == t, k] *= n * own_weight / sum(weight.values())
         total += n
     _, group = np.unique(np.stack([windows.recording, windows.horizon]), axis=1, return_inverse=True)
-    return Likelihood(share, within, windows.count, group, total)
+    return Likelihood(share, within, windows.count, group, total, prior)
 
 
 def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:

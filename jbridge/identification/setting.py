@@ -53,6 +53,8 @@ class Setting:
     """Unit of each input."""
     length: float
     """Mean rope length of the recordings [m]."""
+    masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """Masses of the bridge as they were given [kg]."""
     fine: bool = False
     """Whether swings are so wide that steps must be of order 4."""
 
@@ -140,7 +142,8 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
     noise = noise_floor(holdout) | noise_floor(recordings)
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
-    return Setting(tuple(recordings), noise, _moving(everything), units, length, fine)
+    masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
+    return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, fine)
 
 
 def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from ..model.parameters import Entry, ParameterTable
 from .estimation import Problem
 from .result import Estimate
 from .sensitivity.engine import Engine
-from .solver import Point, ties
+from .solver import Point
 
 _NORMAL = 1.959964
 _FACTOR, _SHARE = 2.0, 0.0025
@@ -34,7 +34,8 @@ def covariance(problem: Problem, engine: Engine, point: Point) -> NDArray[np.flo
     [normal] = problem.normal(engine, [point])
     n = len(point.free)
     total = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
-    return inverse_normal(total + ties(engine.table, point.free, np.diag(total)))
+    precision, _ = problem.likelihood.prior.terms(engine.table, point.free, point.vector, np.diag(total))
+    return inverse_normal(total + precision)
 
 
 def inverse_normal(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from .._types import Axes, Scalar
 from ..control.base import AbstractController, Reference
-from ..model.effects.drives import InputDelay
+from ..model.effects.drives import AbstractDelay
 from ..model.effects.sensors import SensorDelay
 from ..model.plant import Motion, Plant
 from .collect import AbstractCollector, Everything
@@ -101,9 +101,10 @@ class SampledPlant(NamedTuple):
 
 def periods_remembered(plant: Plant, period: float) -> int:
     """How many periods of the controller the plant's delays reach back, for a plant whose numbers are known."""
-    delays = [float(effect.delay) for effect in plant.all(InputDelay)]
+    delays = [sum(float(effect.delay) for effect in plant.all(AbstractDelay, site)) for site in AbstractDelay.sites]
     delays += [float(effect.delay) for effect in plant.all(SensorDelay)]
-    return 0 if not delays else int(-(-max(delays) // period)) + 1
+    late = any(plant.all(AbstractDelay)) or any(plant.all(SensorDelay))
+    return int(-(-max(delays) // period)) + 1 if late else 0
 
 
 def closed_loop(  # noqa: PLR0913
@@ -140,7 +141,7 @@ def closed_loop(  # noqa: PLR0913
     Raises:
         ValueError: the plant has a delay, but nothing is to be remembered.
     """
-    if memory == 0 and (*plant.all(InputDelay), *plant.all(SensorDelay)):
+    if memory == 0 and (*plant.all(AbstractDelay), *plant.all(SensorDelay)):
         raise ValueError("the plant has a delay: pass memory=periods_remembered(plant, period)")
     one = jnp.ones_like(initial[0])
     moving = Axes(one, one, one) if active is None else active

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, Int
 
 from .._types import Axes, Scalar
 from ..model.effects.base import AXIS_OF_SITE, AbstractDrive
-from ..model.effects.drives import InputDelay
-from ..model.plant import Plant
+from ..model.effects.drives import AbstractDelay, InputDelay, StartDelay
+from ..model.plant import E, Plant
 
 INSTANT = 1e-9
 """Time constant of a lag that is as good as none [s]."""
@@ -59,50 +59,12 @@ def interval_edges(lane: Lane) -> Float[Array, " edge"]:
     return jnp.concatenate([jnp.zeros(1, spans.dtype), jnp.cumsum(spans)]) + (lane.start - jnp.sum(lane.before))
 
 
-def step_edges(plant: Plant, lane: Lane, substeps: int) -> Float[Array, "history edge"]:
-    """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
-
-    A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
-    cut where the late input changes, and every part has its steps. (Where sampling is so uneven that an input changes
-    twice in an interval, the second change counts by its moments.)
-
-    Args:
-        plant: what moves.
-        lane: intervals.
-        substeps: steps of an interval, or of every part of it.
-    """
-    edges = interval_edges(lane)
-    begin, end = edges[:-1], edges[1:]
-    cuts = []
-    for effect in plant.all(InputDelay):
-        j = jnp.minimum(jnp.searchsorted(edges, begin - effect.delay, side="left"), edges.shape[0] - 1)
-        late = edges[j] + effect.delay
-        # Rounding may put a delay of whole intervals a hair before the interval.
-        cuts.append(jnp.where(late < end, jnp.where(late < begin, begin, late), end))
-    between = jnp.sort(jnp.stack(cuts, axis=1), axis=1) if len(cuts) > 1 else jnp.stack(cuts, axis=1) if cuts else None
-    parts = [begin[:, None], end[:, None]] if between is None else [begin[:, None], between, end[:, None]]
-    return _divided(jnp.concatenate(parts, axis=1), substeps)
-
-
-def even_steps(edges: Float[Array, " edge"], substeps: int) -> Float[Array, "interval step"]:
-    """The same of some intervals in which all changes of a late input count by their moments, in a third of the steps.
-
-    Args:
-        edges: of the intervals [s].
-        substeps: steps of an interval.
-    """
-    return _divided(jnp.stack([edges[:-1], edges[1:]], axis=1), substeps)
-
-
-def _divided(parts: Float[Array, "interval part"], substeps: int) -> Float[Array, "interval step"]:
-    inner = parts[:, :-1, None] + jnp.diff(parts, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
-    return jnp.concatenate([inner.reshape(parts.shape[0], -1), parts[:, -1:]], axis=1)
-
-
 class Held(NamedTuple):
     """An axis' held inputs behind what has no memory and no clock, and their integrals where they may come late."""
 
     inputs: Float[Array, " history"]
+    acts: Float[Array, " history"]
+    """From when in its interval an input acts [s]: from the interval's beginning, but for a drive that starts late."""
     once: Float[Array, " edge"] | None
     twice: Float[Array, " edge"] | None
 
@@ -119,36 +81,106 @@ class Supply(NamedTuple):
 def supply(plant: Plant, lane: Lane) -> Supply:
     """The held inputs of a lane behind saturation, dead zone and gains."""
     edges = interval_edges(lane)
+    begin, spans = edges[:-1], jnp.diff(edges)
 
     def applied(effect: AbstractDrive, w: Array) -> Array:
-        return effect.apply(edges[:-1], w)
+        return effect.apply(begin, w)
 
     found = []
     for column, axis in enumerate(("x", "l")):
         w = lane.u[:, column]
         w = plant.after_each(applied, w, (effect for effect in _chain(plant, axis) if not effect.in_time))
+
+        def started(effect: StartDelay, acts: Array, w: Array = w) -> Array:
+            return jnp.maximum(acts, jnp.minimum(_run_begins(edges, w) + effect.delay, edges[1:]))
+
+        acts = plant.after_each(started, begin, _on(plant, axis, StartDelay))
         once = twice = None
-        late = _late(plant, axis)
+        late = _on(plant, axis, AbstractDelay)
         if late:
             none = jnp.zeros_like(edges)
 
-            def integrals(_: tuple[Array, Array], w: Array = w) -> tuple[Array, Array]:
-                spans = jnp.diff(edges)
-                once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * spans)])
-                return once, jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum((once[:-1] + 0.5 * w * spans) * spans)])
+            def integrals(_: tuple[Array, Array], w: Array = w, acts: Array = acts) -> tuple[Array, Array]:
+                acting = edges[1:] - acts
+                once = jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(w * acting)])
+                gained = once[:-1] * spans + 0.5 * w * acting * acting
+                return once, jnp.concatenate([jnp.zeros(1, w.dtype), jnp.cumsum(gained)])
 
             once, twice = plant.after(integrals, (none, none), *late)
-        found.append(Held(w, once, twice))
+        found.append(Held(w, acts, once, twice))
     return Supply(edges, *found)
 
 
+def _run_begins(edges: Array, w: Array) -> Array:
+    """When the run of inputs other than zero began that an interval belongs to, or its beginning if its input is 0."""
+    none = jnp.where(w == 0.0, jnp.arange(w.shape[0]) + 1, 0)
+    return edges[jnp.minimum(jax.lax.cummax(none), w.shape[0] - 1)]
+
+
 def _chain(plant: Plant, axis: str) -> list[AbstractDrive]:
-    chain = [effect for effect in plant.all(AbstractDrive) if AXIS_OF_SITE[effect.site] == axis]
-    return sorted(chain, key=lambda effect: effect.order)
+    return sorted(_on(plant, axis, AbstractDrive), key=lambda effect: effect.order)
 
 
-def _late(plant: Plant, axis: str) -> list[InputDelay]:
-    return [effect for effect in plant.all(InputDelay) if AXIS_OF_SITE[effect.site] == axis]
+def _on(plant: Plant, axis: str, cls: type[E]) -> list[E]:
+    """Effects of a class at an axis' drive."""
+    return [effect for effect in plant.all(cls) if AXIS_OF_SITE[effect.site] == axis]
+
+
+def _dead_time(plant: Plant, axis: str) -> Scalar | float:
+    """What delays every change of an axis' input [s]."""
+    return sum((effect.delay for effect in _on(plant, axis, InputDelay)), 0.0)
+
+
+def _interval_at(edges: Array, t: Array) -> Array:
+    return jnp.clip(jnp.searchsorted(edges, t, side="right") - 1, 0, edges.shape[0] - 2)
+
+
+def step_edges(plant: Plant, given: Supply, substeps: int) -> Float[Array, "history edge"]:
+    """Beginning of every step of every interval, those before the lane included, and the interval's end [s].
+
+    A late input changes within intervals, and friction answers a change at once, not to its mean: so intervals are
+    cut where the late input changes, and every part has its steps. (Where sampling is so uneven that an input changes
+    twice in an interval, the second change counts by its moments.)
+
+    Args:
+        plant: what moves.
+        given: the lane's held inputs.
+        substeps: steps of an interval, or of every part of it.
+    """
+    edges = given.edges
+    begin, end = edges[:-1], edges[1:]
+    # Rounding may put a change a hair beside an edge or another one, and no force can be judged between the two.
+    hair = 1e-9 * (end - begin)
+    cuts = []
+    for axis, held in (("x", given.x), ("l", given.l)):
+        delay = _dead_time(plant, axis)
+        if _on(plant, axis, InputDelay):
+            j = jnp.minimum(jnp.searchsorted(edges, begin - delay + hair, side="left"), edges.shape[0] - 1)
+            cuts.append(jnp.clip(edges[j] + delay, begin, end))
+        if _on(plant, axis, StartDelay):
+            # A span of time that is late by a part of an interval begins in one and ends in the next.
+            k = _interval_at(edges, begin - delay + hair)
+            first, second = held.acts[k] + delay, held.acts[jnp.minimum(k + 1, end.shape[0] - 1)] + delay
+            cuts.append(jnp.clip(jnp.where(first < begin + hair, second, first), begin, end))
+    parts = [begin]
+    for change in jnp.sort(jnp.stack(cuts), axis=0) if len(cuts) > 1 else cuts:
+        parts.append(jnp.where(change < parts[-1] + hair, parts[-1], jnp.where(change > end - hair, end, change)))
+    return _divided(jnp.stack([*parts, end], axis=1), substeps)
+
+
+def even_steps(edges: Float[Array, " edge"], substeps: int) -> Float[Array, "interval step"]:
+    """The same of some intervals in which all changes of a late input count by their moments, in a third of the steps.
+
+    Args:
+        edges: of the intervals [s].
+        substeps: steps of an interval.
+    """
+    return _divided(jnp.stack([edges[:-1], edges[1:]], axis=1), substeps)
+
+
+def _divided(parts: Float[Array, "interval part"], substeps: int) -> Float[Array, "interval step"]:
+    inner = parts[:, :-1, None] + jnp.diff(parts, axis=1)[:, :, None] * (jnp.arange(substeps) / substeps)[None, None]
+    return jnp.concatenate([inner.reshape(parts.shape[0], -1), parts[:, -1:]], axis=1)
 
 
 def arriving(
@@ -173,12 +205,11 @@ def arriving(
         own = jax.lax.dynamic_slice_in_dim(held.inputs, first, steps.shape[0])
         # What has no memory and no clock may stand before the delay as well as behind it.
         mean = early = jnp.broadcast_to(own[:, None], begin.shape)
-        late = _late(plant, axis)
+        late = _on(plant, axis, AbstractDelay)
         if late:
-            delay = sum((effect.delay for effect in late[1:]), late[0].delay)
 
-            def delayed(_: tuple[Array, Array], held: Held = held, delay: Scalar = delay) -> tuple[Array, Array]:
-                return _delayed(given.edges, held, begin, end, delay)
+            def delayed(_: tuple[Array, Array], held: Held = held, axis: str = axis) -> tuple[Array, Array]:
+                return _delayed(given.edges, held, begin, end, _dead_time(plant, axis))
 
             mean, early = plant.after(delayed, (mean, early), *late)
         mean, early = plant.after_each(applied, (mean, early), (e for e in _chain(plant, axis) if e.in_time))
@@ -200,30 +231,35 @@ def lags_at_start(
     return jnp.stack(found)
 
 
-def drive_inputs(plant: Plant, lane: Lane, steps: Float[Array, "history edge"] | None = None) -> Drives:
+def drive_inputs(
+    plant: Plant, lane: Lane, given: Supply | None = None, steps: Float[Array, "history edge"] | None = None
+) -> Drives:
     """What the drives are given over the lane, for cart and hoist.
 
     Args:
         plant: what moves.
         lane: held inputs.
+        given: its `supply`, where that is known already.
         steps: see `step_edges`; by default every interval is one step.
     """
-    given, n = supply(plant, lane), lane.before.shape[0]
+    n = lane.before.shape[0]
+    if given is None:
+        given = supply(plant, lane)
     if steps is None:
         steps = even_steps(given.edges, 1)
     mean, early = arriving(plant, given, steps, 0)
     return Drives(mean[n:], early[n:], lags_at_start(plant, lane, steps[:n], mean[:n]))
 
 
-def _delayed(edges: Array, held: Held, begin: Array, end: Array, delay: Scalar) -> tuple[Array, Array]:
+def _delayed(edges: Array, held: Held, begin: Array, end: Array, delay: Scalar | float) -> tuple[Array, Array]:
     """A held input late by `delay` over spans of time: its mean, and its mean weighted by the time left."""
-    w, once, twice = held
+    w, acts, once, twice = held
     assert once is not None and twice is not None
 
     def integrals(t: Array) -> tuple[Array, Array]:
-        k = jnp.clip(jnp.searchsorted(edges, t, side="right") - 1, 0, w.shape[0] - 1)
-        since = jnp.maximum(t - edges[k], 0.0)
-        return once[k] + w[k] * since, twice[k] + (once[k] + 0.5 * w[k] * since) * since
+        k = _interval_at(edges, t)
+        acting = jnp.maximum(t - acts[k], 0.0)
+        return once[k] + w[k] * acting, twice[k] + once[k] * jnp.maximum(t - edges[k], 0.0) + 0.5 * w[k] * acting**2
 
     (first, first_twice), (last, last_twice) = integrals(begin - delay), integrals(end - delay)
     span = jnp.where(end > begin, end - begin, 1.0)

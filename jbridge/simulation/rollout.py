@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._types import Axes, Scalar
 from ..model.plant import Motion, Plant
 from .collect import AbstractCollector, Everything
-from .inputs import Lane, drive_inputs, in_true_time, step_edges
+from .inputs import Lane, drive_inputs, in_true_time, step_edges, supply
 from .runge_kutta import RK4, Interval, Method, advance, intervals
 from .state import Motions, start
 
@@ -98,8 +98,9 @@ def timetable(plant: Plant, lane: Lane, substeps: int) -> tuple[Interval, Float[
         substeps: integration steps in each interval.
     """
     lane = in_true_time(plant, lane)
-    steps = step_edges(plant, lane, substeps)
-    drives = drive_inputs(plant, lane, steps)
+    given = supply(plant, lane)
+    steps = step_edges(plant, given, substeps)
+    drives = drive_inputs(plant, lane, given, steps)
     return intervals(plant, steps[lane.before.shape[0] :], drives.mean, drives.early), drives.lags
 
 

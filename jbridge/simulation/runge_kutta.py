@@ -69,6 +69,8 @@ def intervals(
 ) -> Interval:
     """Some intervals, from their steps' edges [s] and the inputs at the drives (see `inputs.Drives`)."""
     h = jnp.diff(steps, axis=1)
+    # A compiler may round an edge in two ways, and friction would drive in a step back in time.
+    h = jnp.where(h < 0, 0.0, h)
     # What counts of a lag are its means over the step: then one that is shorter than a step is not lost.
     constants = plant.time_constants()
     ratios = [h / jnp.maximum(constant, INSTANT) for constant in constants]

@@ -1,7 +1,6 @@
 """Moves of the search that change a law and not a set of effects."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -112,7 +111,7 @@ def test_a_law_takes_the_place_of_one_that_it_contains():
     true = {"stiffness": 8.0, "rest": 0.4, "level": 2.0, "travel": 0.02}
     problem, _, now = make_case((*CHAIN, true), SPRING, {"stiffness": 1.0, "rest": 0.5}, SPRING_KEYS)
     apart = [c for c in proposals(problem.setting, now.plant, KNOWN) if c.name == CHAIN]
-    [move] = with_mechanisms(problem, problem, now, apart, {CHAIN: 0.0}, None, math.inf)
+    [move] = with_mechanisms(problem, problem, now, apart, {CHAIN: 0.0}, None)
     assert move.names == (CHAIN,) and [e.kind for e in move.space.plant.effects] == ["cable_drag"]
     assert move.keys == {CHAIN: CHAIN_KEYS} and not any("spring_force" in name for name in move.numbers)
     [point] = problem.solve(move.space.engine, [move.start], 8)

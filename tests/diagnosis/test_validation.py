@@ -51,15 +51,29 @@ def in_channel(losses, channel):
 
 
 def test_steadiness_is_that_of_noise_or_of_a_t_test():
+    def of_equals(gain):
+        return steadiness(gain, np.ones(len(gain)))
+
     # As steady as noise: the root of a likelihood ratio.
-    assert steadiness(np.full(6, 0.4)) == pytest.approx(np.sqrt(2 * 6 * 0.4))
-    assert steadiness(np.full(6, -0.4)) == pytest.approx(-np.sqrt(2 * 6 * 0.4))
+    assert of_equals(np.full(6, 0.4)) == pytest.approx(np.sqrt(2 * 6 * 0.4))
+    assert of_equals(np.full(6, -0.4)) == pytest.approx(-np.sqrt(2 * 6 * 0.4))
     # Where blocks scatter more, what SciPy's test of their mean says.
     root = np.random.default_rng(0).normal(0.5, 4.0, 400)
     said = ttest_1samp(root, 0.0, alternative="greater").pvalue
-    assert steadiness(0.5 * np.sign(root) * root**2) == pytest.approx(norm.isf(said), rel=0.01)
+    assert of_equals(0.5 * np.sign(root) * root**2) == pytest.approx(norm.isf(said), rel=0.01)
     # Two blocks that differ tell less than many.
-    assert steadiness(np.array([20.0, 2.0])) < 0.6 * steadiness(np.array([20.0, 2.0] * 4))
+    assert of_equals(np.array([20.0, 2.0])) < 0.6 * of_equals(np.array([20.0, 2.0] * 4))
+
+
+def test_blocks_that_do_not_excite_an_effect_say_nothing():
+    gain, expected = np.array([3.0, 1.0, 2.0]), np.array([4.0, 1.0, 1.0])
+    alone = steadiness(gain, expected)
+    assert steadiness(np.append(gain, [0.01, -0.01]), np.append(expected, [0.0, 0.0])) == pytest.approx(alone)
+    # A regression on the roots of what is expected, as steady as noise.
+    gain, expected = np.tile(0.1 * gain, 8), np.tile(expected, 8)
+    root = np.sqrt(2.0 * expected)
+    slope = np.linalg.lstsq(root[:, None], np.sqrt(2.0 * gain), rcond=None)[0][0]
+    assert steadiness(gain, expected) == pytest.approx(slope * np.linalg.norm(root))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +87,7 @@ def test_steadiness_is_that_of_noise_or_of_a_t_test():
     ],
 )
 def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, left, losses, status):
-    found = _checked(DRAG, in_channel(losses, 0), Run(100.0), Run(left), Run(left + back))
+    found = _checked(DRAG, in_channel(losses, 0), np.ones(3), Run(100.0), Run(left), Run(left + back))
     assert found.status == status
     assert found.explained == pytest.approx(back / max(100.0, left + back))
 
@@ -82,7 +96,7 @@ def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, lef
 def test_what_has_no_name_in_one_channel_speaks_against_nothing_in_another(back, status):
     """The cart's error is 100 times larger in units of its noise, and hardly changes."""
     before, after, without = Run(1e6, 100.0), Run(9e5, 20.0), Run(9e5, 20.0 + back)
-    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 1), before, after, without)
+    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 1), np.ones(3), before, after, without)
     assert found.status == status
     assert found.explained == pytest.approx(0.5 * back / 100.0)
 
@@ -91,21 +105,25 @@ def test_an_effect_is_judged_in_the_channel_in_which_it_matters():
     """The cart's error is large and has no name; the swing's hardly exceeds the noise, and the effect closes it."""
     before, after, without = Run(1e6, 0.9), Run(9e5, 0.1), Run(9e5, 0.8)
     for channel, status in ((0, "suggested"), (1, "confirmed")):
-        assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], channel), before, after, without).status == status
+        assert (
+            _checked(DRAG, in_channel([40.0, 60.0, 50.0], channel), np.ones(3), before, after, without).status == status
+        )
 
 
 def test_a_window_that_no_model_meets_has_no_say():
     before, after, without = (Run(x, unmet=1e3) for x in (100.0, 10.0, 90.0))
-    assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), before, after, without).status == "confirmed"
+    assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), before, after, without).status == "confirmed"
 
 
 def test_where_nothing_exceeds_the_noise_steadiness_alone_decides():
-    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), Run(0.5), Run(0.1), Run(0.4))
+    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), Run(0.5), Run(0.1), Run(0.4))
     assert found.status == "confirmed" and found.explained is None
 
 
 def test_what_happened_once_is_an_event():
-    found = _checked(("missed_counts", "x_sensor"), in_channel([-1.0, 0.0, 0.0], 0), Run(100.0), Run(1.0), Run(1.0))
+    found = _checked(
+        ("missed_counts", "x_sensor"), in_channel([-1.0, 0.0, 0.0], 0), np.ones(3), Run(100.0), Run(1.0), Run(1.0)
+    )
     assert found.status == "event"
 
 

@@ -21,6 +21,8 @@ RIG = [
     ("coulomb_friction", "cart", {"level": 3.25}),
     ("position_dependent_friction", "hoist", {"knots": [0.2, 0.4, 0.6], "levels": [0.5, 1.0, 0.7]}),
     ("input_delay", "cart_drive", {"delay": 0.013}),
+    ("start_delay", "cart_drive", {"delay": 0.027}),
+    ("start_delay", "hoist_drive", {"delay": 0.02}),
     ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
     ("sensor_delay", "psi_sensor", {"delay": 0.017}),
 ]

@@ -34,6 +34,8 @@ EFFECTS = [
     ("dead_zone", "hoist_drive", {"positive": 0.1, "negative": 0.2}),
     ("actuator_lag", "hoist_drive", {"time_constant": 0.06}),
     ("input_delay", "cart_drive", {"delay": 0.033}),
+    ("start_delay", "cart_drive", {"delay": 0.071}),
+    ("start_delay", "hoist_drive", {"delay": 0.05}),
     ("sensor_delay", "psi_sensor", {"delay": 0.047}),
     ("sensor_scale", "l_sensor", {"scale": 1.02}),
 ]
@@ -132,7 +134,7 @@ def test_a_sampled_law_agrees_with_scipy():
 
 def test_a_delay_must_be_remembered():
     plant = make_plant(*EFFECTS)
-    assert periods_remembered(plant, PERIOD) == 4 and periods_remembered(make_plant(), PERIOD) == 0
+    assert periods_remembered(plant, PERIOD) == 7 and periods_remembered(make_plant(), PERIOD) == 0
     with pytest.raises(ValueError, match="memory="):
         closed_loop(plant, Proportional(1.0, 0.0), make_state(), resting(3), period=PERIOD, substeps=2)
 

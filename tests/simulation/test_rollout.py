@@ -368,6 +368,42 @@ def test_delay_keeps_the_impulse(delay):
     np.testing.assert_array_equal(ours[:, 0], u[:, 0])
 
 
+RUNS = (0.0, 0.0, 3.0, 3.0, -2.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, -1.0, 2.0, 2.0)
+"""Inputs of one interval each: a start and a reversal, a stop of one interval and another start, and one more."""
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0123], ids=["", "and a dead time"])
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.0123, 0.035], ids=str)
+def test_a_start_comes_late_and_nothing_else(delay, late):
+    """What an input asks for in the first moments after zero is lost; a dead time shifts what is left."""
+    dt = np.random.default_rng(1).uniform(0.006, 0.014, len(RUNS))
+    edges = np.concatenate([[0.0], np.cumsum(dt)])
+    u = np.array(RUNS)
+    begins = [max(k for k in range(i + 1) if k == 0 or u[k - 1] == 0.0) for i in range(len(u))]
+    acts = np.maximum(edges[:-1], edges[begins] + delay)
+    times = np.linspace(0.0, edges[-1], 400_001)
+    at = np.clip(np.searchsorted(edges, times - late, side="right") - 1, 0, len(u) - 1)
+    value = np.where((times >= late) & (times - late >= acts[at]), u[at], 0.0)
+    integral = np.concatenate([[0.0], np.cumsum(value[:-1] * np.diff(times))])
+    effects = [("start_delay", "cart_drive", {"delay": delay})]
+    effects += [("input_delay", "cart_drive", {"delay": late})] if late else []
+    ours = drive_inputs(make_plant(*effects), make_lane(np.stack([u, u], axis=1), dt)).mean[:, 0]
+    expected = np.diff(np.interp(edges, times, integral)) / dt
+    np.testing.assert_allclose(ours[:, 0], expected, atol=2e-3)
+    np.testing.assert_array_equal(ours[:, 1], u)
+
+
+def test_zero_is_what_the_dead_zone_leaves():
+    """A measured voltage is never quite zero: a start is where it leaves the dead zone."""
+    u = np.array([0.05, -0.08, 0.02, 1.0, 1.0, 1.0, 0.04, 1.0, 1.0])
+    effects = [("dead_zone", "cart_drive", {"positive": 0.1, "negative": 0.1})]
+    delay = ("start_delay", "cart_drive", {"delay": 2 * PERIOD})
+    ours = drive_inputs(make_plant(*effects, delay), make_lane(np.stack([u, u], axis=1))).mean[:, 0, 0]
+    np.testing.assert_allclose(ours, [0, 0, 0, 0, 0, 0.9, 0, 0, 0], atol=1e-12)
+    ours = drive_inputs(make_plant(delay), make_lane(np.stack([u, u], axis=1))).mean[:, 0, 0]
+    np.testing.assert_allclose(ours, [0, 0, *u[2:]], atol=1e-12)
+
+
 def test_a_delayed_run_is_a_shifted_run():
     u = lively_inputs(200, hold=7)
     late = np.concatenate([np.zeros((6, 2)), u[:-6]])
@@ -380,8 +416,9 @@ def test_a_delayed_run_is_a_shifted_run():
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("kind", ["input_delay", "start_delay"])
 @pytest.mark.parametrize("method, substeps", [(MIDPOINT, 1), (MIDPOINT, 3), (RK4, 1)], ids=["1", "3", "RK4"])
-def test_a_step_that_arrives_within_a_step(method, substeps):
+def test_a_step_that_arrives_within_a_step(method, substeps, kind):
     """A cart with viscous damping, in closed form: where the cart goes depends on when within a step the voltage comes.
 
     With the delay's mean over a step alone the cart would be 34 um off; here it is as exact as for a whole delay.
@@ -390,7 +427,7 @@ def test_a_step_that_arrives_within_a_step(method, substeps):
     lane = make_lane(held(200, 4.0, 0.0), active=CART_ALONE)
 
     def error(delay: float) -> float:
-        plant = make_plant(("input_delay", "cart_drive", {"delay": delay}))
+        plant = make_plant((kind, "cart_drive", {"delay": delay}))
         x = np.asarray(simulate(plant, make_state(0.0), lane, substeps=substeps, method=method).q.x)
         since = np.maximum(np.arange(201) * PERIOD - delay, 0.0)
         return np.max(np.abs(x - final * (since - settle * (1 - np.exp(-since / settle)))))
@@ -448,6 +485,7 @@ def test_a_lane_begun_later_goes_on_alike():
     effects = [
         ("input_delay", "cart_drive", {"delay": 0.0123}),
         ("input_delay", "hoist_drive", {"delay": 0.031}),
+        ("start_delay", "hoist_drive", {"delay": 0.024}),
         ("actuator_lag", "cart_drive", {"time_constant": 0.05}),
         ("actuator_lag", "hoist_drive", {"time_constant": 0.02}),
         ("gain_drift", "hoist_drive", {"rate": 0.2}),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..._types import AXES
 from ...identification.estimation import Problem
 from ...identification.setting import axis_of_number
-from ...identification.solver import Normal, Point, Start, bounded_step, moved_states, ties
+from ...identification.solver import Normal, Point, Start, bounded_step, moved_states
 from ...model.effects.base import AXIS_OF_SITE, MAP_KNOTS
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
@@ -227,18 +227,22 @@ def linear_optimum(
     products = np.einsum("ia,wcij,jb->wcab", turned, normal.products, turned, optimize=True)
     places = point.free[list(columns)]
     low, high = space.table.bounds()
-    least, most = low[places] - point.vector[places], high[places] - point.vector[places]
+    prior, vector = problem.likelihood.prior, point.vector.copy()
+    if away is not None:
+        vector[point.free] += away
+    least, most = low[places] - vector[places], high[places] - vector[places]
     m = len(columns)
     step = np.zeros(m)
     square, best = squares(problem, products, step), (step, math.inf)
     for _ in range(_LINEAR):
         weight = problem.likelihood.weights(square)
         total = np.einsum("wc,wcij->ij", weight, products)
-        tied = ties(space.table, places, np.diag(total)[:m])
-        gradient = total[:m, m] + tied @ point.vector[places]
-        step = bounded_step(total[:m, :m] + tied, gradient, least, most, 1e-6)
+        precision, gradient = prior.terms(space.table, places, vector, np.diag(total)[:m])
+        step = bounded_step(total[:m, :m] + precision, total[:m, m] + gradient, least, most, 1e-6)
         square = squares(problem, products, step)
-        value = problem.likelihood.value(square)
+        there = vector.copy()
+        there[places] += step
+        value = problem.likelihood.value(square) + prior.cost(space.table, there)
         if value < best[1]:
             best = step, value
     return best

@@ -88,8 +88,8 @@ def select(
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
-        better = [s for s in found if accepts(now, s)]
-        tried.append(tuple(sorted(found, key=lambda s: s.value)))
+        better = [s for s in found if accepts(problem, now, s)]
+        tried.append(tuple(dataclasses.replace(s, left=()) for s in sorted(found, key=_value)))
         if time.monotonic() > problem.until:
             stopped = "budget"
         if better:
@@ -162,12 +162,12 @@ def _larger(
     while moves and not good:
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         # What gains on its own blocks alone may contain a law of fewer numbers that gains on others, too.
-        too_many = [s for s in tried if s.value < now.value and not accepts(now, s)]
+        too_many = [s for s in tried if s.value < now.value and not accepts(problem, now, s)]
         simpler = {m.numbers: m for s in too_many for m in simplifications(problem, base, s)}
         known = {*seen, *(frozenset(s.free) for s in tried)}
         tried += _all_fitted(problem, [m for numbers, m in simpler.items() if numbers not in known], now)
         found += tried
-        good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
+        good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
     if time.monotonic() > problem.until:
         return found
@@ -175,7 +175,7 @@ def _larger(
         moves = paired(problem, part, now, among, shared, choice)
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         found += tried
-        good = sorted((s for s in tried if accepts(now, s)), key=lambda s: s.value)
+        good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
     if good:
         [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
         found[found.index(good[0])] = good[0] = dataclasses.replace(good[0], point=point)
@@ -221,7 +221,7 @@ def _with_other_axes(
         move = together(problem, now, best, other)
         if move.numbers not in seen:
             joined = _all_fitted(problem, [move], best)
-            best = min([best, *(s for s in joined if accepts(best, s))], key=_value)
+            best = min([best, *(s for s in joined if accepts(problem, best, s))], key=_value)
     return best
 
 

@@ -2,13 +2,16 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from ...identification.data.windows import Data
 from ...identification.estimation import Problem
-from ...identification.solver import Normal, Point, bounded_step, ties
+from ...identification.solver import Normal, Point, bounded_step, mean_squares
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from .candidates import WRONG_VALUE
@@ -34,6 +37,8 @@ class Structure:
     """What its numbers and the choices behind it must gain."""
     restarted: bool = False
     """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
+    left: tuple[NDArray[np.float32], ...] = ()
+    """What each tiling leaves over the noise, `(sample, 3)`."""
 
     @property
     def value(self) -> float:
@@ -71,7 +76,8 @@ def weighed(problem: Problem, structure: Structure) -> Structure:
     [normal] = problem.normal(space.engine, [point])
     numbers = _numbers(problem, structure, normal)
     price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
-    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal))
+    left = tuple(each.astype(np.float32) for each in problem.residuals(space.engine, point))
+    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal), left=left)
 
 
 def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
@@ -79,7 +85,8 @@ def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
     free, n = structure.point.free, len(structure.point.free)
     added = [int(np.flatnonzero(free == p)[0]) for name in structure.names for p in structure.places(name)]
     total = np.einsum("wc,wcij->ij", problem.likelihood.weights(structure.point.square), normal.products)[:n, :n]
-    tied = ties(structure.space.table, free, np.diag(total))
+    prior = problem.likelihood.prior
+    tied, _ = prior.terms(structure.space.table, free, structure.point.vector, np.diag(total))
     levels = {int(i) for members in structure.space.table.vectors(free) for i in members}
     unit = np.sqrt(np.maximum(np.diag(total + tied), 1e-150))
     scaled = (total + tied) / np.outer(unit, unit) + 1e-12 * np.eye(n)
@@ -113,7 +120,7 @@ def with_own_levels(structure: Structure) -> Structure:
     return dataclasses.replace(structure, point=point)
 
 
-def accepts(now: Structure, then: Structure) -> bool:
+def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
     """Whether another model takes the place of one: the criterion is lower, and what a larger model gains, it gains
     on blocks that are left out, too. Effects that imitate what has no name gain on those from which they are
     estimated."""
@@ -122,27 +129,48 @@ def accepts(now: Structure, then: Structure) -> bool:
     added = set(then.names) - set(now.names)
     if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
         return True
-    return steadiness(now.blocks - then.blocks) > CRITERIA.sure
+    expected = problem.likelihood.expected(then.point.square, apart(problem.data, now.left, then.left))
+    blocks = blocks_of(problem)
+    by_block = np.array([expected[blocks == b].sum() for b in range(len(then.blocks))])
+    return steadiness(now.blocks - then.blocks, by_block) > CRITERIA.sure
+
+
+def apart(
+    data: Data, one: Sequence[NDArray[np.floating[Any]]], other: Sequence[NDArray[np.floating[Any]]]
+) -> NDArray[np.float64]:
+    """Mean square difference of two models' predictions in each window over the noise's variance, by channel."""
+    return np.concatenate([mean_squares(data, k, b - a) for k, (a, b) in enumerate(zip(one, other, strict=True))])
 
 
 _KNOWN = 2
 """Blocks that the variance of noise counts for."""
 
 
-def steadiness(gain: NDArray[np.float64]) -> float:
-    """How steadily a model gains over blocks: the mean over its standard error, as that of a normal distribution.
+def steadiness(gain: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+    """How steadily a model gains over blocks: its slope over the standard error, as that of a normal distribution.
 
-    The mean is of the signed root of twice the gain, which grows with an effect, and to which noise gives a variance of
-    1. So blocks that excite an effect little do not speak against it, as they would by their bare gains. It is the
-    smaller of two: over the standard error of noise, which is known, and over the one that the blocks show, by
-    Student's t, since they may be two, and with the variance of noise counted like one that some more have shown.
+    The signed root of twice a block's gain grows with an effect, and noise gives it a variance of 1. It is held against
+    the root of twice the gain that is expected if the effect is what the model says: where a block does not excite it,
+    both models predict the same, and the block says nothing for or against it. The slope of the one over the other is
+    tested twice, and the smaller counts: over the standard error of noise, which is known, and over the one that the
+    blocks show, by Student's t, since they may be two, and with the variance of noise counted like one that some more
+    have shown.
+
+    Args:
+        gain: by block.
+        expected: by block, see `Likelihood.expected`; only their ratios count.
     """
     root = np.sign(gain) * np.sqrt(2.0 * np.abs(gain))
-    mean, freedom = float(root.mean()), _KNOWN + len(root) - 1
-    variance = (_KNOWN + float(np.sum((root - mean) ** 2))) / freedom
-    known = abs(mean) * math.sqrt(len(root))
+    share = expected / max(float(expected.sum()), 1e-300)
+    # As many equal blocks would tell as much.
+    count = 1.0 / max(float((share**2).sum()), 1e-300)
+    slope = float(np.sqrt(share) @ root)
+    scatter = float(share @ (root - slope * np.sqrt(share)) ** 2)
+    freedom = _KNOWN + count - 1.0
+    variance = (_KNOWN + count * scatter) / freedom
+    known = abs(slope)
     shown = float(norm.isf(t.sf(known / math.sqrt(variance), freedom)))
-    return math.copysign(min(known, shown), mean)
+    return math.copysign(min(known, shown), slope)
 
 
 def leaves_nothing(problem: Problem, structure: Structure) -> bool:
@@ -191,13 +219,13 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> ND
     n = len(point.free)
     each = np.einsum("wc,wcij->wij", weight, normal.products)
     total = each.sum(axis=0)
-    tied = ties(space.table, point.free, np.diag(total)[:n])
+    precision, gradient = problem.likelihood.prior.terms(space.table, point.free, point.vector, np.diag(total)[:n])
     low, high = space.table.bounds()
     at = point.vector[point.free]
     least, most = low[point.free] - at, high[point.free] - at
 
     def asked(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        return bounded_step(sums[:n, :n] + tied, sums[:n, n] + tied @ at, least, most, 1e-6)
+        return bounded_step(sums[:n, :n] + precision, sums[:n, n] + gradient, least, most, 1e-6)
 
     every = asked(total)
     out = []

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...identification.estimation import Problem, engine_for
 from ...identification.sensitivity.engine import Engine
@@ -61,16 +62,13 @@ def refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Nam
         values = np.array(there.ravel(base.plant), dtype=float)
         for name in there.names():
             vector[table.positions(name)] = values[there.positions(name)]
-    free = []
+    free = _free(table, model.point.free, left)
     for place in map(int, model.point.free):
         entry = table.entry(place)
-        kind, site = entry.group.rpartition(".")[0].split("#")[0].partition("@")[::2]
         if (WRONG_VALUE, entry.group) in left:
             vector[place] = getattr(base.plant.bridge, entry.group)
-        elif (kind, site) in left:
+        elif _owner(entry.group) in left:
             vector[place] = entry.info.null
-        else:
-            free.append(entry.name)
     plant, engine = table.unravel(vector), model.engine
     if apart:
         plant = Plant(plant.bridge, tuple(e for e in plant.effects if (e.kind, e.site) not in apart))
@@ -81,3 +79,51 @@ def refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Nam
     [point] = problem.solve(engine, [start], REFIT)
     fitted = engine.table.unravel(point.vector)
     return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
+
+
+def replaced(problem: Problem, model: Fixed, base: Structure, name: Name, source: Structure, other: Name) -> Fixed:
+    """A model with another effect in the place of one of its own, fitted again.
+
+    Args:
+        problem: the recordings.
+        model: with the effect.
+        base: the model as given, refitted.
+        name: of the effect.
+        source: a structure with the other effect, from which it takes its first numbers.
+        other: name of that effect.
+    """
+    theirs = source.plant
+    bridge, effects, free = model.plant.bridge, list(model.plant.effects), _free(model.table, model.point.free, (name,))
+    if name[0] == WRONG_VALUE:
+        bridge = dataclasses.replace(bridge, **{name[1]: getattr(base.plant.bridge, name[1])})
+    else:
+        effects = [e for e in effects if (e.kind, e.site) != name]
+    if other[0] == WRONG_VALUE:
+        bridge = dataclasses.replace(bridge, **{other[1]: getattr(theirs.bridge, other[1])})
+        free.append(other[1])
+    else:
+        effects.append(next(e for e in theirs.effects if (e.kind, e.site) == other))
+        free += [source.space.table.entry(p).name for p in source.places(other)]
+    plant = Plant(bridge, tuple(effects))
+    engine = engine_for(problem.setting, problem.data, plant)
+    places = np.array([engine.table.positions(n)[0] for n in free], np.int64)
+    start = Start(np.array(engine.table.ravel(plant), dtype=float), places, model.point.states)
+    [point] = problem.solve(engine, [start], REFIT)
+    names = (*(n for n in model.names if n != name), other)
+    return Fixed(engine.table.unravel(point.vector), names, engine, point)
+
+
+def _free(table: ParameterTable, places: NDArray[np.int64], left: Sequence[Name]) -> list[str]:
+    """Names of free parameters but those of some effects."""
+    out = []
+    for place in map(int, places):
+        entry = table.entry(place)
+        if (WRONG_VALUE, entry.group) not in left and _owner(entry.group) not in left:
+            out.append(entry.name)
+    return out
+
+
+def _owner(group: str) -> Name:
+    """The effect that has a parameter."""
+    kind, _, site = group.rpartition(".")[0].split("#")[0].partition("@")
+    return kind, site

@@ -28,7 +28,7 @@ from ...identification.setting import Setting
 from ...recordings import Recording
 from ..criteria import CRITERIA
 from ..structures.space import Name, happens_once
-from ..structures.structure import Structure, steadiness
+from ..structures.structure import Structure, apart, steadiness
 from .holdout import HoldOut
 from .refits import REFIT, Fixed, of_its_own, refitted
 
@@ -154,7 +154,9 @@ def validate(
             reduced = refitted(problem, every, base, [*dropped, name])
             run = judge.evaluate(reduced.plant, reduced.engine)
             loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-            without[name] = _checked(name, loss, before, complete, run), reduced, run
+            excited = criterion.expected(complete.square, apart(complete.data, complete.left, run.left))
+            expected = _summed(excited, blocks).sum(axis=1)
+            without[name] = _checked(name, loss, expected, before, complete, run), reduced, run
         refuted = [w for w in without.values() if w[0].status == "event" or w[0].steady < -CRITERIA.sure]
         if not refuted:
             break
@@ -250,18 +252,24 @@ def _shown(before: Evaluation) -> tuple[float, list[str]]:
 
 
 def _checked(
-    name: Name, loss: NDArray[np.float64], before: Evaluation, complete: Evaluation, run: Evaluation
+    name: Name,
+    loss: NDArray[np.float64],
+    expected: NDArray[np.float64],
+    before: Evaluation,
+    complete: Evaluation,
+    run: Evaluation,
 ) -> Checked:
     """What the hold-out says of an effect.
 
     Args:
         name: of the effect.
         loss: of the criterion without it, by block and channel.
+        expected: loss by block if the effect is what the model says.
         before: the model as given.
         complete: the model with it.
         run: the model without it.
     """
-    steady = steadiness(loss.sum(axis=1))
+    steady = steadiness(loss.sum(axis=1), expected)
     own, (horizon, axes) = _explained(before, complete, run), _shown(before)
     # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
     axis = AXES[int(loss.sum(axis=0).argmax())]
@@ -296,7 +304,11 @@ def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
 
 def _by_block(criterion: Likelihood, run: Evaluation, blocks: NDArray[np.int64]) -> NDArray[np.float64]:
     """The criterion by block and channel."""
-    value = criterion.by_window(run.square)
+    return _summed(criterion.by_window(run.square), blocks)
+
+
+def _summed(value: NDArray[np.float64], blocks: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Windows' values summed by block."""
     return np.array([value[blocks == b].sum(axis=0) for b in range(int(blocks.max()) + 1)])
 
 

@@ -1,8 +1,8 @@
 """Reweighted Gauss-Newton over parameters and the initial states of windows."""
 
-from .bounds import bounded_step, ties
+from .bounds import bounded_step
 from .gauss_newton import Limits, solve
-from .prediction_errors import Point, Start, evaluate, residual, residuals, squares
+from .prediction_errors import Point, Start, evaluate, mean_squares, residual, residuals, squares
 from .variable_projection import Normal, moved_states, normal_equations
 
 __all__ = [
@@ -12,11 +12,11 @@ __all__ = [
     "Start",
     "bounded_step",
     "evaluate",
+    "mean_squares",
     "moved_states",
     "normal_equations",
     "residual",
     "residuals",
     "solve",
     "squares",
-    "ties",
 ]

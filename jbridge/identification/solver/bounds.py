@@ -1,23 +1,7 @@
-"""A damped Gauss-Newton step of parameters within their bounds, and ties between neighbouring levels of a map."""
+"""A damped Gauss-Newton step of parameters within their bounds."""
 
 import numpy as np
 from numpy.typing import NDArray
-
-from ...model.parameters import ParameterTable
-
-_TIES = 1e-6
-"""Strength of ties between neighbouring levels of a map over what the recordings say of the level that they tell most
-of: nothing where a place was visited; one that was not takes the level of those beside it (P-splines, Eilers and Marx,
-Statistical Science 11, 1996)."""
-
-
-def ties(table: ParameterTable, free: NDArray[np.int64], information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Precision of the differences between neighbours in each vector of levels."""
-    precision = np.zeros((len(free), len(free)))
-    for members in table.vectors(free):
-        step = np.diff(np.eye(len(members)), axis=0)
-        precision[np.ix_(members, members)] = _TIES * float(information[members].max()) * step.T @ step
-    return precision
 
 
 def bounded_step(

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ...model.parameters import ParameterTable
 from ..data.windows import Data
 from ..likelihood import Index, Likelihood
+from ..prior import Prior
 from ..sensitivity.engine import Engine
-from .bounds import bounded_step, ties
+from .bounds import bounded_step
 from .prediction_errors import Point, Start, evaluate
 from .variable_projection import Normal, moved_states, normal_equations
 
@@ -73,7 +74,7 @@ def solve(
             for i, normal in waiting.items():
                 point = points[i]
                 weight = likelihood.weights(point.square)
-                step = _parameter_step(engine.table, normal, weight, point, damping[i])
+                step = _parameter_step(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 vector = point.vector.copy()
                 vector[point.free] += step
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
@@ -101,17 +102,21 @@ def solve(
 
 
 def _parameter_step(
-    table: ParameterTable, normal: Normal, weight: NDArray[np.float64], point: Point, damping: float
+    table: ParameterTable,
+    normal: Normal,
+    weight: NDArray[np.float64],
+    prior: Prior,
+    point: Point,
+    damping: float,
 ) -> NDArray[np.float64]:
     """Damped Gauss-Newton step of the free parameters within their bounds."""
     free, vector = point.free, point.vector
     low, high = table.bounds()
     total = np.einsum("wc,wcij->ij", weight, normal.products)
     n = len(free)
-    tied = ties(table, free, np.diag(total)[:n])
+    precision, gradient = prior.terms(table, free, vector, np.diag(total)[:n])
     at = vector[free]
-    gradient = total[:n, n] + tied @ at
-    return bounded_step(total[:n, :n] + tied, gradient, low[free] - at, high[free] - at, damping)
+    return bounded_step(total[:n, :n] + precision, total[:n, n] + gradient, low[free] - at, high[free] - at, damping)
 
 
 def _kept_where_better(
@@ -192,4 +197,6 @@ def _better_by_window(
         for k, (own, theirs) in enumerate(zip(point.states, other.states, strict=True))
     )
     square = np.where(better[:, None], other.square, point.square)
-    return dataclasses.replace(point, states=states, square=square, value=likelihood.value(square)), better
+    return dataclasses.replace(
+        point, states=states, square=square, value=likelihood.value(square) + point.prior
+    ), better

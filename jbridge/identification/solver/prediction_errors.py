@@ -31,6 +31,8 @@ class Point:
     states: tuple[NDArray[np.float64], ...]
     square: NDArray[np.float64]
     """Mean square of each window's errors over the noise's variance, by window and channel."""
+    prior: float
+    """What the parameters cost beforehand, see `prior`."""
     value: float
     """The criterion without a price."""
 
@@ -48,7 +50,8 @@ def evaluate(engine: Engine, data: Data, likelihood: Likelihood, starts: Sequenc
         square = np.concatenate(
             [squares(data, k, predicted[i * count + k]) for k in range(count)] or [np.zeros((0, 3))]
         )
-        out.append(Point(start.vector, start.free, start.states, square, likelihood.value(square)))
+        prior = likelihood.prior.cost(engine.table, start.vector)
+        out.append(Point(start.vector, start.free, start.states, square, prior, likelihood.value(square) + prior))
     return out
 
 
@@ -67,10 +70,14 @@ def residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray
 
 def squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean square error of each window over the noise's variance, `(window, 3)`."""
+    return mean_squares(data, tiling, residual(data, tiling, predicted))
+
+
+def mean_squares(data: Data, tiling: int, left: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean square over each window, `(window, 3)`, of what is 0 where nothing is measured, `(sample, 3)`."""
     t = data.tilings[tiling]
     measured = data.measured[t.recording]
-    square = residual(data, tiling, predicted) ** 2
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(square, axis=0)])
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(left**2, axis=0)])
     counts = np.concatenate([np.zeros((1, 3)), np.cumsum(measured, axis=0)])
     number = counts[t.stops] - counts[t.count_from]
     return (sums[t.stops] - sums[t.count_from]) / np.maximum(number, 1.0)

@@ -17,6 +17,7 @@ from .drives import (
     InputDelay,
     Saturation,
     SpeedDrive,
+    StartDelay,
     TorqueRipple,
 )
 from .fields import parameters_of
@@ -77,6 +78,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {
         DeadZone,
         Saturation,
         InputDelay,
+        StartDelay,
         ActuatorLag,
         GainAsymmetry,
         GainDrift,

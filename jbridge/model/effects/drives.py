@@ -118,19 +118,42 @@ class GainDrift(AbstractDrive):
         return [Seed({}, ("rate",))]
 
 
-class InputDelay(AbstractEffect):
-    """`u(t - delay)`, 0 before the first known row. The engine averages it over a step, which gives it a gradient."""
+class AbstractDelay(AbstractEffect):
+    """A time [s] by which a drive's input comes late. The engine averages it over a step, which gives it a gradient."""
 
-    kind: ClassVar[str] = "input_delay"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
-    sentence: ClassVar[str] = "a dead time of the {axis}: it answers late, but then at once"
-    delay: Scalar = parameter("s", "dead time", low=0.0)
-    site: str = eqx.field(static=True)
+    delay: eqx.AbstractVar[Scalar]
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # At exactly zero the delayed input has a kink; a microsecond is no delay, and has a tangent.
         return [Seed({"delay": value}, ("delay",), finite=value > 1e-3) for value in (1e-6, 0.02, 0.06)]
+
+
+class InputDelay(AbstractDelay):
+    """`u(t - delay)`, 0 before the first known row. The engine averages it over a step, which gives it a gradient."""
+
+    kind: ClassVar[str] = "input_delay"
+    sentence: ClassVar[str] = "a dead time of the {axis}: it answers late, but then at once"
+    delay: Scalar = parameter("s", "dead time", low=0.0)
+    site: str = eqx.field(static=True)
+
+
+class StartDelay(AbstractDelay):
+    """`u` once it has been other than zero for `delay`, 0 until then: a holding brake that releases.
+
+    So do amplifiers that wake up. Reversals and stops come in time, starts come late, and what the input asked for
+    meanwhile is lost. Zero is what saturation, dead zone and gains leave at zero; before the first known row it was
+    zero. (Data sheets of brakes and servo drives state it as
+    the release time.)
+    """
+
+    kind: ClassVar[str] = "start_delay"
+    sentence: ClassVar[str] = (
+        "a {axis} that starts late, as behind a brake that has to release or an amplifier that wakes up"
+    )
+    delay: Scalar = parameter("s", "time from an input other than zero to its effect", low=0.0)
+    site: str = eqx.field(static=True)
 
 
 class ActuatorLag(AbstractEffect):

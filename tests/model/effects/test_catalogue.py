@@ -170,6 +170,7 @@ WITH_MEMORY = (
     "presliding_friction",
     "cable_drag",
     "input_delay",
+    "start_delay",
     "actuator_lag",
     "drum_radius_change",
     "speed_drive",

@@ -21,9 +21,9 @@ from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.problems import MECHANISMS, PLACES, Everything, example, lively_inputs, make_lane, make_plant, make_state
 
 COUNT = 60
-LANE = make_lane(
-    np.abs(lively_inputs(COUNT)) + [0.5, 1.0], start=0.2, history=np.abs(lively_inputs(140, seed=1)) + [0.5, 1.0]
-)
+BEFORE = np.abs(lively_inputs(140, seed=1)) + [0.5, 1.0]
+BEFORE[-3:] = 0.0  # so that there is a start
+LANE = make_lane(np.abs(lively_inputs(COUNT)) + [0.5, 1.0], start=0.2, history=BEFORE)
 WEIGHTS = np.random.default_rng(0).normal(size=(COUNT + 1, 3))
 START = (0.3, -0.1, 0.7, 0.35, 1.2, 0.1)
 
