@@ -271,7 +271,7 @@ def cases(rows: list[dict]) -> str:
     seconds = [r["wall"] for r in rows]
     claims, right = sum(len(r["claimed"]) for r in rows), sum(r["claims_right"] for r in rows)
     lines = [
-        "# Cases of the present version",
+        "# Cases of recent versions",
         "",
         f"{len(rows)} cases, {len(known)} of them with an effect of the catalogue: what is named first is right",
         f"or a declared equivalent in {share(known, 'first_right')},",
@@ -281,15 +281,18 @@ def cases(rows: list[dict]) -> str:
         f"Time: median {median(seconds):.0f} s, longest {max(seconds):.0f} s.",
         "Redrawn by `run.py --figures`; do not edit.",
         "",
-        "| case | concealed | verdict | named | hold-out error over the noise | s |",
-        "|---|---|---|---|---|---|",
+        "| case | concealed | verdict | named | hold-out error over the noise | s | version |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
+        version = (row.get("code") or "")[:7]
         error = "-" if row["before"] is None else f"{row['before']:.3g} to {row['after']:.3g}"
         concealed = ", ".join(row["true"]) or "nothing"
         named = ", ".join(n if n in row["claimed"] else f"({n})" for n in row["named"]) or "nothing"
         verdict = f"`{row['verdict']}`" if row["verdict"] else f"failed with status {row['status']}"
         lines.append(
-            f"| {row['id']} | {concealed} | {verdict} | {named} | {error} | {row['wall']:.0f} |".replace("_", " ")
+            f"| {row['id']} | {concealed} | {verdict} | {named} | {error} | {row['wall']:.0f} | {version} |".replace(
+                "_", " "
+            )
         )
     return "\n".join(lines) + "\n"

@@ -26,7 +26,7 @@ from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
-from .equivalents import Named, contenders, estimated, named_effect, parameters_of
+from .equivalents import Naming, contenders, estimated, named_effect, parameters_of
 from .experiment_design.next_experiment import next_experiment
 from .localization.location import location, repeatable
 from .result import Adequacy, Channel, Diagnosis, Former, Horizon, Location, NamedEffect
@@ -112,7 +112,7 @@ def diagnose(
         checked = unopened(search.problem, base, found)
     else:
         checked = validate(search.problem, base, found, sealed, tell, begun + budget)
-    result = _told(model, search, checked, sealed, tell)
+    result = _told(model, search, checked, sealed, tell, begun + budget)
     return dataclasses.replace(
         result,
         continued=None if former is None else continued(former, result.effects, [r.name for r in new]),
@@ -127,6 +127,7 @@ def _told(
     checked: Validation,
     sealed: HoldOut,
     tell: Callable[[str], None],
+    deadline: float,
 ) -> Diagnosis:
     """All that the report tells of model and recordings."""
     problem, found = search.problem, search.held[-1]
@@ -136,11 +137,12 @@ def _told(
     values, doubts = estimated(problem, final)
     searched = final if final.names == found.names else of_its_own(problem, found)
     told = values if searched is final else estimated(problem, searched)[0] | values
-    names = Named(search, search.held[0], told, functools.partial(whole_errors, problem, sealed=sealed))
+    on_holdout = functools.partial(whole_errors, problem, sealed=sealed) if opened else None
+    naming = Naming(search, search.held[0], told, on_holdout, deadline)
     with ThreadPoolExecutor(AT_ONCE) as pool:
         # Explanations that are not told apart have programs of their own.
         named = [
-            pool.submit(named_effect, names, c, final if inside else searched, in_model=inside)
+            pool.submit(named_effect, naming, c, final if inside else searched, in_model=inside)
             for c in checked.checked
             for inside in [c.name in final.names]
         ]

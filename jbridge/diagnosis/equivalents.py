@@ -1,5 +1,8 @@
 """Named effects with their estimates, and the explanations that the recordings cannot tell from them."""
 
+import dataclasses
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -106,7 +109,7 @@ def _chances(blocks: NDArray[np.float64], prices: NDArray[np.float64]) -> NDArra
     return (weights / weights.sum(axis=0)).mean(axis=1)
 
 
-class Named(NamedTuple):
+class Naming(NamedTuple):
     """What names of effects are told from."""
 
     search: Search
@@ -114,15 +117,17 @@ class Named(NamedTuple):
     """The model as given, refitted."""
     values: Mapping[str, Estimate]
     """Estimates of all parameters."""
-    holdout_errors: Callable[[Fixed], Mapping[str, float]]
-    """The rms error of a model on the hold-out, by channel."""
+    holdout_errors: Callable[[Fixed], Mapping[str, float]] | None
+    """The rms error of a model on the hold-out, by channel; None where that stays closed."""
+    deadline: float = math.inf
+    """Time of `time.monotonic` [s] after which nothing is fitted in the place of an effect any more."""
 
 
-def named_effect(of: Named, checked: Checked, model: Fixed, *, in_model: bool) -> NamedEffect:
+def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) -> NamedEffect:
     """An effect with what cannot be told from it: what makes the model nearly as good in its place.
 
     What comes near in the round in which the effect was found is fitted in its place in the model, since what was added
-    later may have parted the two.
+    later may have parted the two. What has no room there, or for which no time is left, is not listed.
 
     Args:
         of: where it was found.
@@ -147,34 +152,34 @@ def named_effect(of: Named, checked: Checked, model: Fixed, *, in_model: bool) -
     )
 
 
-def _rivals(of: Named, name: Name, model: Fixed) -> tuple[list[Rival], float]:
+def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float]:
     """What comes near an effect, the nearest first, and the effect's own weight beside it."""
     members = round_of(of.search, name)
-    if members is None:
+    if members is None or of.holdout_errors is None:
         return [], 1.0
     structures = [structure for _, structure in members]
     prices = np.array([structure.price for structure in structures])
-    then = _chances(np.stack([s.blocks for s in structures]), prices)
-    order = sorted(range(1, len(members)), key=lambda i: -then[i])
-    near = [i for i in order if then[i] >= CRITERIA.apart][: CRITERIA.rivals]
-    if not near:
-        return [], 1.0
-    problem = of.search.problem
-    models = [model, *(replaced(problem, model, of.base, name, structures[i], members[i][0]) for i in near)]
+    when_found = _chances(np.stack([s.blocks for s in structures]), prices)
+    order = sorted(range(1, len(members)), key=lambda i: -when_found[i])
+    near = [i for i in order if when_found[i] >= CRITERIA.apart][: CRITERIA.rivals]
+    if not near or time.monotonic() > of.deadline:
+        return [], float(when_found[0])
+    problem = dataclasses.replace(of.search.problem, until=of.deadline)
+    fitted = {i: replaced(problem, model, of.base, name, structures[i], members[i][0]) for i in near}
+    models = {0: model} | {i: beside for i, beside in fitted.items() if beside is not None}
     blocks = blocks_of(problem)
-    parts = np.array([problem.likelihood.by_window(m.point.square).sum(axis=1) for m in models])
+    parts = np.array([problem.likelihood.by_window(m.point.square).sum(axis=1) for m in models.values()])
     by_block = np.stack([parts[:, blocks == b].sum(axis=1) for b in range(int(blocks.max()) + 1)], axis=1)
     # Windows across blocks count in every resample.
-    rest = np.array([m.point.value for m in models]) - by_block.sum(axis=1)
-    chances = _chances(by_block, rest + prices[[0, *near]])
+    rest = np.array([m.point.value for m in models.values()]) - by_block.sum(axis=1)
+    chances = dict(zip(models, _chances(by_block, rest + prices[list(models)]).tolist(), strict=True))
     rivals = []
-    for k in sorted(range(1, len(models)), key=lambda k: -chances[k]):
-        if chances[k] >= CRITERIA.apart:
-            other = members[near[k - 1]][0]
-            values, _ = estimated(problem, models[k])
-            errors = of.holdout_errors(models[k])
-            rivals.append(Rival(*other, float(chances[k]), parameters_of(*other, values), errors))
-    return rivals, float(chances[0])
+    for i in sorted(models, key=lambda i: -chances[i]):
+        if i > 0 and chances[i] >= CRITERIA.apart:
+            other = members[i][0]
+            values, _ = estimated(problem, models[i])
+            rivals.append(Rival(*other, chances[i], parameters_of(*other, values), of.holdout_errors(models[i])))
+    return rivals, chances[0]
 
 
 def contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:

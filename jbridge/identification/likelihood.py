@@ -145,7 +145,8 @@ class Likelihood:
             square: mean square errors of the model, over the noise's variance.
             apart: those of the two models' predictions from each other.
         """
-        return np.maximum(self.by_window(square + apart) - self.by_window(square), 0.0)
+        scale = self.scale(square)
+        return self.by_window(square + apart, scale) - self.by_window(square, scale)
 
     def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weight of each sample's squared error over the noise's variance, by window and channel.

@@ -1,8 +1,8 @@
 """What is known of parameters before any recording tells of them: part of the criterion that fits minimise.
 
-Masses of a model file are right to within a factor. Where recordings say how heavy something is, that counts for
-nothing. Where they do not, as behind a drive that imposes its speed, whatever the mass, the guess stands, and no mass
-runs away for the little that an infinite one gains.
+The bridge's masses in a model file are right to within a factor. Where recordings say how heavy something is, that
+counts for next to nothing. Where they do not, as behind a drive that imposes its speed, whatever the mass, the guess
+stands, and no mass runs away for the little that an infinite one gains.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ class Prior:
     """Guesses of masses, and that neighbours in a map are alike."""
 
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """As the model file has them [kg], by name."""
+    """Those of the bridge as the model file has them [kg], by name."""
 
     def cost(self, table: ParameterTable, vector: NDArray[np.float64]) -> float:
         """What masses cost that are not as they were guessed [nat]."""

@@ -143,6 +143,7 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     noise = noise_floor(holdout) | noise_floor(recordings)
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
     masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
+    masses = {name: mass for name, mass in masses.items() if mass > 0.0}
     return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, fine)
 
 

@@ -112,7 +112,7 @@ def supply(plant: Plant, lane: Lane) -> Supply:
 
 
 def _run_begins(edges: Array, w: Array) -> Array:
-    """When the run of inputs other than zero began that an interval belongs to, or its beginning if its input is 0."""
+    """When the run of inputs other than zero began that an interval belongs to; if its input is 0, when it ends."""
     none = jnp.where(w == 0.0, jnp.arange(w.shape[0]) + 1, 0)
     return edges[jnp.minimum(jax.lax.cummax(none), w.shape[0] - 1)]
 
@@ -150,7 +150,7 @@ def step_edges(plant: Plant, given: Supply, substeps: int) -> Float[Array, "hist
     edges = given.edges
     begin, end = edges[:-1], edges[1:]
     # Rounding may put a change a hair beside an edge or another one, and no force can be judged between the two.
-    hair = 1e-9 * (end - begin)
+    hair = 1e-9 * (end - begin) + 4.0 * jnp.finfo(edges.dtype).eps * jnp.max(jnp.abs(edges))
     cuts = []
     for axis, held in (("x", given.x), ("l", given.l)):
         delay = _dead_time(plant, axis)
@@ -161,7 +161,8 @@ def step_edges(plant: Plant, given: Supply, substeps: int) -> Float[Array, "hist
             # A span of time that is late by a part of an interval begins in one and ends in the next.
             k = _interval_at(edges, begin - delay + hair)
             first, second = held.acts[k] + delay, held.acts[jnp.minimum(k + 1, end.shape[0] - 1)] + delay
-            cuts.append(jnp.clip(jnp.where(first < begin + hair, second, first), begin, end))
+            none = (held.inputs[k] == 0.0) | (first < begin + hair)
+            cuts.append(jnp.clip(jnp.where(none, second, first), begin, end))
     parts = [begin]
     for change in jnp.sort(jnp.stack(cuts), axis=0) if len(cuts) > 1 else cuts:
         parts.append(jnp.where(change < parts[-1] + hair, parts[-1], jnp.where(change > end - hair, end, change)))

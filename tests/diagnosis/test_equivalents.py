@@ -2,9 +2,15 @@
 
 import numpy as np
 
-from jbridge.diagnosis.equivalents import round_of
+from jbridge.diagnosis.equivalents import Naming, named_effect, round_of
 from jbridge.diagnosis.selection.search import Search
+from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import Structure
+from jbridge.diagnosis.validation.refits import of_its_own
+from jbridge.diagnosis.validation.validate import Checked
+from jbridge.identification.estimation import start_of
+from tests.diagnosis.test_moves import KNOWN, make_case
+from tests.problems import make_plant
 
 DRY, STRIBECK, SPRING = ("coulomb_friction", "cart"), ("stribeck_friction", "cart"), ("spring_force", "cart")
 DRAG, PIVOT = ("load_drag", "swing"), ("coulomb_friction", "swing")
@@ -63,3 +69,30 @@ def test_one_of_a_pair_was_tried_beside_the_other():
     search = only(Search, held=held, tried=((*singles, *pairs), ()))
     assert members(search, PIVOT) == [PIVOT, ("power_law_damping", "swing")]
     assert members(search, DRAG) == [DRAG, ("wind", "swing")]
+
+
+def test_a_rival_is_one_that_serves_in_the_final_model():
+    """What came near in a round, before something else was found, is fitted beside that: a law that contains the
+    effect serves as well, and what only looked like it does not."""
+    true = {"positive": 4.0, "negative": 4.0}
+    problem, base, now = make_case(("direction_dependent_friction", "cart", true), DRY, {"level": 4.0}, ("level",))
+    both = ("direction_dependent_friction", "cart")
+    structures = []
+    for name, values in (
+        (DRY, {"level": 3.0}),
+        (both, {"positive": 3.0, "negative": 3.0}),
+        (SPRING, {"stiffness": 0.1}),
+    ):
+        plant = make_plant((*name, values))
+        space = make_space(problem, plant, KNOWN, shared=False)
+        start = start_of(problem, space.engine, plant, KNOWN)
+        [point] = problem.evaluate(space.engine, [start])
+        # In that round they all came equally near.
+        price = 3.0 * len(values)
+        by_block = np.full(3, -price / 3.0)
+        structures.append(Structure(space, (name,), {name: tuple(values)}, {name: 0.0}, point, by_block, price))
+    search = only(Search, problem=problem, held=(base, now, now), tried=(tuple(structures), (), ()))
+    of = Naming(search, base, {}, lambda model: {})
+    found = named_effect(of, Checked(DRY, "confirmed", 1.0, 5.0), of_its_own(problem, now), in_model=True)
+    assert [(r.kind, r.site) for r in found.equivalents] == [both]
+    assert 0.05 < found.probability < 0.95 and found.equivalents[0].parameters["positive"].value > 3.5

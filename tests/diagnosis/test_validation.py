@@ -74,6 +74,12 @@ def test_blocks_that_do_not_excite_an_effect_say_nothing():
     root = np.sqrt(2.0 * expected)
     slope = np.linalg.lstsq(root[:, None], np.sqrt(2.0 * gain), rcond=None)[0][0]
     assert steadiness(gain, expected) == pytest.approx(slope * np.linalg.norm(root))
+    # Where blocks scatter more, blocks of one weight among others that tell nothing are as those alone.
+    root = np.random.default_rng(1).normal(0.5, 4.0, 60)
+    scattered = 0.5 * np.sign(root) * root**2
+    alone = steadiness(scattered, np.ones(60))
+    assert alone < 0.5 * np.sqrt(60 * 0.5**2)
+    assert steadiness(np.append(scattered, 30 * [5.0]), np.append(np.ones(60), np.zeros(30))) == pytest.approx(alone)
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,24 @@ def test_weights_are_the_gradient(data, left, change):
         assert 0.5 * weights[w, 0] * windows.count[w, 0] == pytest.approx(slope, rel=1e-5)
 
 
+def test_what_another_model_is_expected_to_lose(data):
+    """The mean over draws of the noise, where it predicts something else in a few windows; nothing in the others."""
+    windows, rng = index(data), np.random.default_rng(5)
+    found = likelihood(data, windows, [rng.standard_normal((data.samples, 3))] * len(data.tilings))
+    excited = np.zeros(windows.count.shape, bool)
+    excited[::9, 0] = windows.count[::9, 0] > 0
+    apart = np.where(excited, 4.0, 0.0)
+    lost, expected = 0.0, 0.0
+    for _ in range(30):
+        noise = rng.chisquare(np.maximum(windows.count, 1)) / np.maximum(windows.count, 1)
+        cross = 2.0 * np.sqrt(apart / np.maximum(windows.count, 1)) * rng.standard_normal(apart.shape)
+        told = found.expected(noise, apart)
+        assert np.all(told[~excited] == 0.0) and np.all(told[excited] > 0.0)
+        expected += told.sum()
+        lost += found.value(noise + apart + cross) - found.value(noise)
+    assert expected == pytest.approx(lost, rel=0.2)
+
+
 def test_least_squares_are_half_the_sum_of_squares(data):
     windows = index(data)
     found = likelihood(data, windows, [np.ones((data.samples, 3))] * len(data.tilings)).of_squares()

@@ -122,24 +122,26 @@ def with_own_levels(structure: Structure) -> Structure:
 
 def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
     """Whether another model takes the place of one: the criterion is lower, and what a larger model gains, it gains
-    on blocks that are left out, too. Effects that imitate what has no name gain on those from which they are
-    estimated."""
+    on blocks that are left out, too, in all and steadily. Effects that imitate what has no name gain on those from
+    which they are estimated."""
     if not then.value < now.value:
         return False
     added = set(then.names) - set(now.names)
     if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
         return True
-    expected = problem.likelihood.expected(then.point.square, apart(problem.data, now.left, then.left))
-    blocks = blocks_of(problem)
-    by_block = np.array([expected[blocks == b].sum() for b in range(len(then.blocks))])
-    return steadiness(now.blocks - then.blocks, by_block) > CRITERIA.sure
+    gain, blocks = now.blocks - then.blocks, blocks_of(problem)
+    if not gain.sum() > 0.0:
+        return False
+    expected = problem.likelihood.expected(then.point.square, prediction_gap(problem.data, now.left, then.left))
+    return steadiness(gain, np.array([expected[blocks == b].sum() for b in range(len(gain))])) > CRITERIA.sure
 
 
-def apart(
+def prediction_gap(
     data: Data, one: Sequence[NDArray[np.floating[Any]]], other: Sequence[NDArray[np.floating[Any]]]
 ) -> NDArray[np.float64]:
     """Mean square difference of two models' predictions in each window over the noise's variance, by channel."""
-    return np.concatenate([mean_squares(data, k, b - a) for k, (a, b) in enumerate(zip(one, other, strict=True))])
+    both = enumerate(zip(one, other, strict=True))
+    return np.concatenate([mean_squares(data, k, (b - a).astype(np.float64)) for k, (a, b) in both])
 
 
 _KNOWN = 2

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ...identification.estimation import Problem, engine_for
 from ...identification.sensitivity.engine import Engine
 from ...identification.solver import Point, Start
+from ...model.effects.catalogue import CATALOGUE
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..structures.candidates import WRONG_VALUE
@@ -81,8 +82,10 @@ def refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Nam
     return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
 
 
-def replaced(problem: Problem, model: Fixed, base: Structure, name: Name, source: Structure, other: Name) -> Fixed:
-    """A model with another effect in the place of one of its own, fitted again.
+def replaced(
+    problem: Problem, model: Fixed, base: Structure, name: Name, source: Structure, other: Name
+) -> Fixed | None:
+    """A model with another effect in the place of one of its own, fitted again; None where it has no room for that.
 
     Args:
         problem: the recordings.
@@ -93,6 +96,8 @@ def replaced(problem: Problem, model: Fixed, base: Structure, name: Name, source
         other: name of that effect.
     """
     theirs = source.plant
+    if any(_contains(one, two) for n in model.names if n != name for one, two in ((n, other), (other, n))):
+        return None
     bridge, effects, free = model.plant.bridge, list(model.plant.effects), _free(model.table, model.point.free, (name,))
     if name[0] == WRONG_VALUE:
         bridge = dataclasses.replace(bridge, **{name[1]: getattr(base.plant.bridge, name[1])})
@@ -105,6 +110,10 @@ def replaced(problem: Problem, model: Fixed, base: Structure, name: Name, source
         effects.append(next(e for e in theirs.effects if (e.kind, e.site) == other))
         free += [source.space.table.entry(p).name for p in source.places(other)]
     plant = Plant(bridge, tuple(effects))
+    try:
+        plant.check()
+    except ValueError:
+        return None
     engine = engine_for(problem.setting, problem.data, plant)
     places = np.array([engine.table.positions(n)[0] for n in free], np.int64)
     start = Start(np.array(engine.table.ravel(plant), dtype=float), places, model.point.states)
@@ -121,6 +130,11 @@ def _free(table: ParameterTable, places: NDArray[np.int64], left: Sequence[Name]
         if (WRONG_VALUE, entry.group) not in left and _owner(entry.group) not in left:
             out.append(entry.name)
     return out
+
+
+def _contains(one: Name, other: Name) -> bool:
+    """Whether a law has another one of its site as a limit."""
+    return one[1] == other[1] and other[0] in {c.kind for c in getattr(CATALOGUE.get(one[0]), "contains", ())}
 
 
 def _owner(group: str) -> Name:

@@ -28,7 +28,7 @@ from ...identification.setting import Setting
 from ...recordings import Recording
 from ..criteria import CRITERIA
 from ..structures.space import Name, happens_once
-from ..structures.structure import Structure, apart, steadiness
+from ..structures.structure import Structure, prediction_gap, steadiness
 from .holdout import HoldOut
 from .refits import REFIT, Fixed, of_its_own, refitted
 
@@ -154,7 +154,7 @@ def validate(
             reduced = refitted(problem, every, base, [*dropped, name])
             run = judge.evaluate(reduced.plant, reduced.engine)
             loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-            excited = criterion.expected(complete.square, apart(complete.data, complete.left, run.left))
+            excited = criterion.expected(complete.square, prediction_gap(complete.data, complete.left, run.left))
             expected = _summed(excited, blocks).sum(axis=1)
             without[name] = _checked(name, loss, expected, before, complete, run), reduced, run
         refuted = [w for w in without.values() if w[0].status == "event" or w[0].steady < -CRITERIA.sure]

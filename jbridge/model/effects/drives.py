@@ -119,7 +119,8 @@ class GainDrift(AbstractDrive):
 
 
 class AbstractDelay(AbstractEffect):
-    """A time [s] by which a drive's input comes late. The engine averages it over a step, which gives it a gradient."""
+    """A time [s] by which a drive answers late. The engine averages its input over a step, which gives the time a
+    gradient."""
 
     sites: ClassVar[tuple[str, ...]] = _DRIVES
     delay: eqx.AbstractVar[Scalar]
@@ -140,12 +141,11 @@ class InputDelay(AbstractDelay):
 
 
 class StartDelay(AbstractDelay):
-    """`u` once it has been other than zero for `delay`, 0 until then: a holding brake that releases.
+    """`u` once it has been other than zero for `delay`, 0 until then: starts come late, reversals and stops do not.
 
-    So do amplifiers that wake up. Reversals and stops come in time, starts come late, and what the input asked for
-    meanwhile is lost. Zero is what saturation, dead zone and gains leave at zero; before the first known row it was
-    zero. (Data sheets of brakes and servo drives state it as
-    the release time.)
+    A holding brake that has to release and an amplifier that wakes up do that; what the input asked for meanwhile is
+    lost. Zero is what saturation, dead zone and gains leave at zero, so that a voltage that was measured, and is never
+    quite zero, has starts beside a dead zone alone. (Data sheets of brakes and drives call it the release time.)
     """
 
     kind: ClassVar[str] = "start_delay"
