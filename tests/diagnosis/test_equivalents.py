@@ -1,19 +1,21 @@
 """Which explanations are weighed against a named effect: those that were tried in its place."""
 
 import numpy as np
+import pytest
 
 from jbridge.diagnosis.equivalents import Naming, named_effect, round_of
 from jbridge.diagnosis.selection.search import Search
 from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import Structure
-from jbridge.diagnosis.validation.refits import of_its_own
+from jbridge.diagnosis.validation.refits import exchanged, of_its_own
 from jbridge.diagnosis.validation.validate import Checked
 from jbridge.identification.estimation import start_of
 from tests.diagnosis.test_moves import KNOWN, make_case
-from tests.problems import make_plant
+from tests.problems import MECHANISMS, NUMBERS, example, make_plant
 
 DRY, STRIBECK, SPRING = ("coulomb_friction", "cart"), ("stribeck_friction", "cart"), ("spring_force", "cart")
 DRAG, PIVOT = ("load_drag", "swing"), ("coulomb_friction", "swing")
+MECHANISMS_ALONE = {kind: values for group in MECHANISMS.values() for kind, _, values in group}
 
 
 def only(cls, **fields):
@@ -71,6 +73,7 @@ def test_one_of_a_pair_was_tried_beside_the_other():
     assert members(search, DRAG) == [DRAG, ("wind", "swing")]
 
 
+@pytest.mark.slow
 def test_a_rival_is_one_that_serves_in_the_final_model():
     """What came near in a round, before something else was found, is fitted beside that: a law that contains the
     effect serves as well, and what only looked like it does not."""
@@ -96,3 +99,31 @@ def test_a_rival_is_one_that_serves_in_the_final_model():
     found = named_effect(of, Checked(DRY, "confirmed", 1.0, 5.0), of_its_own(problem, now), in_model=True)
     assert [(r.kind, r.site) for r in found.equivalents] == [both]
     assert 0.05 < found.probability < 0.95 and found.equivalents[0].parameters["positive"].value > 3.5
+
+
+@pytest.mark.parametrize(
+    "rest, other",
+    [
+        (("belt_compliance", "cart"), ("backlash", "cart")),
+        (("cable_drag", "cart"), ("presliding_friction", "cart")),
+        (("cable_drag", "cart"), SPRING),
+        (SPRING, ("cable_drag", "cart")),
+    ],
+    ids=str,
+)
+def test_a_model_has_no_room_for_a_law_that_it_contains_and_for_a_second_drive_train(rest, other):
+    plant = make_plant((*DRY, {"level": 3.0}), (*rest, MECHANISMS_ALONE.get(rest[0]) or example(*rest)))
+    theirs = make_plant((*other, MECHANISMS_ALONE.get(other[0]) or example(*other)))
+    assert exchanged(plant, make_plant(), (rest, other), DRY, theirs) is None
+
+
+def test_another_effect_takes_the_place_of_one():
+    plant = make_plant((*DRY, {"level": 3.0}), (*PIVOT, {"level": 1e-3}), load_mass=0.3)
+    mass = ("wrong_value", "load_mass")
+    found = exchanged(plant, make_plant(), (PIVOT, mass, SPRING), DRY, make_plant((*SPRING, example(*SPRING))))
+    assert [e.kind for e in found.effects] == ["coulomb_friction", "spring_force"]
+    assert found.effects[0].site == "swing" and float(found.bridge.load_mass) == pytest.approx(0.3)
+    found = exchanged(plant, make_plant(), (PIVOT, DRY, SPRING), mass, make_plant((*SPRING, example(*SPRING))))
+    assert len(found.effects) == 3 and float(found.bridge.load_mass) == pytest.approx(NUMBERS["load_mass"])
+    found = exchanged(plant, make_plant(), (PIVOT, mass), DRY, make_plant(load_mass=0.4))
+    assert len(found.effects) == 1 and float(found.bridge.load_mass) == pytest.approx(0.4)

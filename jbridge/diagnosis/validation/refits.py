@@ -95,31 +95,48 @@ def replaced(
         source: a structure with the other effect, from which it takes its first numbers.
         other: name of that effect.
     """
-    theirs = source.plant
-    if any(_contains(one, two) for n in model.names if n != name for one, two in ((n, other), (other, n))):
+    names = (*(n for n in model.names if n != name), other)
+    plant = exchanged(model.plant, base.plant, names, name, source.plant)
+    if plant is None:
         return None
-    bridge, effects, free = model.plant.bridge, list(model.plant.effects), _free(model.table, model.point.free, (name,))
-    if name[0] == WRONG_VALUE:
-        bridge = dataclasses.replace(bridge, **{name[1]: getattr(base.plant.bridge, name[1])})
-    else:
-        effects = [e for e in effects if (e.kind, e.site) != name]
-    if other[0] == WRONG_VALUE:
-        bridge = dataclasses.replace(bridge, **{other[1]: getattr(theirs.bridge, other[1])})
-        free.append(other[1])
-    else:
-        effects.append(next(e for e in theirs.effects if (e.kind, e.site) == other))
-        free += [source.space.table.entry(p).name for p in source.places(other)]
-    plant = Plant(bridge, tuple(effects))
-    try:
-        plant.check()
-    except ValueError:
-        return None
+    free = _free(model.table, model.point.free, (name,))
+    free += [source.space.table.entry(p).name for p in source.places(other)]
     engine = engine_for(problem.setting, problem.data, plant)
     places = np.array([engine.table.positions(n)[0] for n in free], np.int64)
     start = Start(np.array(engine.table.ravel(plant), dtype=float), places, model.point.states)
     [point] = problem.solve(engine, [start], REFIT)
-    names = (*(n for n in model.names if n != name), other)
     return Fixed(engine.table.unravel(point.vector), names, engine, point)
+
+
+def exchanged(plant: Plant, base: Plant, names: Sequence[Name], name: Name, theirs: Plant) -> Plant | None:
+    """A plant with another plant's effect in the place of one of its own.
+
+    None where what else it has contains the other effect or is contained in it, and where physics has room for one.
+
+    Args:
+        plant: with the effect.
+        base: the plant as given, whose number a wrong value has again.
+        names: of all effects that are added to that, the other effect the last.
+        name: of the effect that goes.
+        theirs: a plant with the other effect.
+    """
+    *rest, other = names
+    if any(_contains(one, two) for n in rest for one, two in ((n, other), (other, n))):
+        return None
+    numbers = {}
+    effects = [e for e in plant.effects if (e.kind, e.site) != name]
+    if name[0] == WRONG_VALUE:
+        numbers[name[1]] = getattr(base.bridge, name[1])
+    if other[0] == WRONG_VALUE:
+        numbers[other[1]] = getattr(theirs.bridge, other[1])
+    else:
+        effects += [e for e in theirs.effects if (e.kind, e.site) == other]
+    found = Plant(dataclasses.replace(plant.bridge, **numbers), tuple(effects))
+    try:
+        found.check()
+    except ValueError:
+        return None
+    return found
 
 
 def _free(table: ParameterTable, places: NDArray[np.int64], left: Sequence[Name]) -> list[str]:
