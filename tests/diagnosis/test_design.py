@@ -233,6 +233,7 @@ def test_an_encoder_offset_and_a_tilted_rail_are_told_apart():
     assert set(proposed.start) == {"x", "psi", "l"}
 
 
+@pytest.mark.slow
 def test_the_distance_is_what_a_refit_leaves():
     """The linear distance against a full refit to noiseless readings of the other model and the old recordings."""
     plants, known, setting, _ = rig((FRICTION, DEAD), 0, cart_damping=30.0, cart_gain=16.0)

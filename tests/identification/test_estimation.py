@@ -36,6 +36,7 @@ def test_truth_is_found_from_a_poor_start(runs):
     assert np.sqrt(np.median(model.point.square[:, 0])) < 1.3
 
 
+@pytest.mark.slow
 def test_optimum_is_that_of_a_general_minimiser(runs):
     """SciPy's simplex over the criterion, each window's initial state solved for at every point."""
     problem, model = fitted(cart_model(), runs[:1])

@@ -215,6 +215,7 @@ def test_moves_are_the_papers_or_random():
     np.testing.assert_array_equal(legs.start, random_legs(20, 4).start)
 
 
+@pytest.mark.slow
 def test_every_bridge_may_have_moves_of_its_own():
     legs = mixed_legs(5, 4)
     assert len(legs) == 2 and legs.start.shape == (5, 2, 2)
