@@ -37,8 +37,8 @@ NU = 2.0
 """Weight of the noise that is known beforehand, in samples."""
 _FEW = 1e-9
 """Samples of a window of which the logarithm of its error is as good as linear in the squares."""
-_NEWTON = 12
-"""Steps to a scale."""
+_NEWTON, _ARRIVED = 12, 1e-12
+"""Steps to the logarithm of a scale, and how short the last one is, unless these are too few."""
 _MOTION = 5.0
 """Standard deviation of a reading over its noise at which a window tells half of what one in motion does."""
 
@@ -108,20 +108,23 @@ class Likelihood:
 
     def scale(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """`S` of each window and channel: logistic M-estimate of where the logarithms of the variances lie."""
-        level = np.log(self.variance(square))
-        groups = int(self.group.max(initial=-1)) + 1
-        out = np.zeros_like(level)
-        for k in range(level.shape[1]):
-            weight = self.share[:, k]
-            total = np.maximum(np.bincount(self.group, weight, groups), 1e-300)
-            at = np.bincount(self.group, weight * level[:, k], groups) / total
-            for _ in range(_NEWTON):
-                above = 1.0 / (1.0 + np.exp(np.clip(at[self.group] - level[:, k], -300.0, 300.0)))
-                slope = np.bincount(self.group, weight * above * (1.0 - above), groups) / total
-                step = (np.bincount(self.group, weight * above, groups) / total - 0.5) / np.maximum(slope, 0.05)
-                at = at + np.clip(np.where(total > 1e-300, step, 0.0), -2.0, 2.0)
-            out[:, k] = np.exp(at[self.group])
-        return out
+        level = np.log(self.variance(square)).ravel()
+        # Each channel of a group has a scale of its own.
+        channels = square.shape[1]
+        own = (self.group[:, None] * channels + np.arange(channels)).ravel()
+        groups, weight = int(own.max(initial=-1)) + 1, self.share.ravel()
+        total = np.bincount(own, weight, groups)
+        share = weight / np.maximum(total, 1e-300)[own]
+        at = np.asarray(np.bincount(own, share * level, groups), float)
+        for _ in range(_NEWTON):
+            above = 1.0 / (1.0 + np.exp(np.clip(at[own] - level, -300.0, 300.0)))
+            slope = np.bincount(own, share * above * (1.0 - above), groups)
+            step = (np.bincount(own, share * above, groups) - 0.5) / np.maximum(slope, 0.05)
+            step = np.clip(np.where(total > 0.0, step, 0.0), -2.0, 2.0)
+            at = at + step
+            if np.abs(step).max(initial=0.0) < _ARRIVED:
+                break
+        return np.exp(at[own]).reshape(square.shape)
 
     def by_window(self, square: NDArray[np.float64], scale: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Each window's part of the criterion, by window and channel, with the scales of these squares or others."""

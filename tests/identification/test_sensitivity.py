@@ -10,7 +10,7 @@ from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import engine_for, make_problem, start_of
 from jbridge.identification.sensitivity import engine as module
 from jbridge.identification.sensitivity.engine import Job
-from jbridge.identification.sensitivity.windowed_rollout import BLOCK, Steps, predicted_with_tangents
+from jbridge.identification.sensitivity.windowed_rollout import BLOCK, Stepping, Steps, tangents
 from jbridge.identification.setting import make_setting
 from jbridge.identification.solver import variable_projection
 from jbridge.model.files import Model
@@ -43,12 +43,15 @@ def problem_of(plant, horizons):
 def test_windows_are_rollouts_of_their_own():
     plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), swing_damping=0.01)
     problem, engine, start, inputs = problem_of(plant, (0.3,))
+    number = engine.steps.predictions.number
     for tiling in problem.data.tilings:
         [predicted] = engine.predict([Job(start.vector, tiling.recording, tiling.begins, tiling.states)])
         for begin, stop, state in zip(tiling.begins, tiling.stops, tiling.states, strict=True):
             lane = make_lane(inputs[tiling.recording][begin : stop - 1], 0.01, active=EVERY_AXIS)
             own = measure(
-                plant, lane, simulate(plant, jnp.asarray(state), lane, substeps=engine.steps.number, method=MIDPOINT)
+                plant,
+                lane,
+                simulate(plant, jnp.asarray(state), lane, substeps=number, method=MIDPOINT),
             )
             # The same steps in another order of operations.
             assert np.abs(predicted[begin:stop] - own).max() < 1e-9
@@ -69,10 +72,11 @@ def test_stiff_damping_asks_for_no_more_steps(between):
     parted = [(between[0], "cart", {"motor_mass": 1.5, **between[1]})] if between else []
     problem, engine, start, _ = problem_of(make_plant(friction, *parted, **stiff), (WHOLE,))
     soft = engine_for(problem.setting, problem.data, make_plant(friction, *parted, swing_damping=0.01))
-    assert engine.steps.damped == ("x",) and engine.steps.number == soft.steps.number
+    for own, plain in zip(engine.steps, soft.steps, strict=True):
+        assert own.damped == ("x",) and own.number == plain.number
     job = Job(start.vector, 0, problem.data.tilings[0].begins, problem.data.tilings[0].states)
     [found] = engine.predict([job])
-    engine.steps = Steps(64, fine=True)
+    engine.steps = Stepping(Steps(64, fine=True), engine.steps.tangents)
     [wanted] = engine.predict([job])
     apart = np.abs(found - wanted)[: problem.data.grids[0].intervals + 1].max(axis=0)
     assert (apart < 2.5e-3 * np.ptp(wanted, axis=0)).all(), apart
@@ -81,6 +85,7 @@ def test_stiff_damping_asks_for_no_more_steps(between):
 def test_a_shift_moves_what_is_simulated():
     plant = make_plant(("coulomb_friction", "cart", {"level": 3.0}), swing_damping=0.01)
     problem, engine, start, inputs = problem_of(plant, (WHOLE,))
+    number = engine.steps.predictions.number
     tiling, at = problem.data.tilings[0], 70
     job = Job(start.vector, 0, tiling.begins, tiling.states)
     shift = np.array([0.02, 0.03, -0.01, 0.1, -0.2, 0.05])
@@ -89,10 +94,10 @@ def test_a_shift_moves_what_is_simulated():
     np.testing.assert_allclose(shifted[at] - plain[at], shift[:3], atol=1e-12)
     # From there it is a simulation of its own.
     lane = make_lane(inputs[0][:at], 0.01, active=EVERY_AXIS)
-    moved = simulate(plant, jnp.asarray(tiling.states[0]), lane, substeps=engine.steps.number, method=MIDPOINT)
+    moved = simulate(plant, jnp.asarray(tiling.states[0]), lane, substeps=number, method=MIDPOINT)
     there = np.array([np.asarray(part)[-1] for part in (*moved.q.axes, *moved.v.axes)]) + shift
     after = make_lane(inputs[0][at : at + 60], 0.01, active=EVERY_AXIS)
-    own = simulate(plant, jnp.asarray(there), after, substeps=engine.steps.number, method=MIDPOINT)
+    own = simulate(plant, jnp.asarray(there), after, substeps=number, method=MIDPOINT)
     assert np.abs(shifted[at : at + 61] - measure(plant, after, own)).max() < 1e-9
 
 
@@ -112,6 +117,7 @@ def test_late_readings_and_inputs_reach_back_over_blocks():
     late = [("sensor_delay", f"{axis}_sensor", {"delay": delay}) for axis, delay in (("x", 0.9), ("psi", 0.035))]
     plant = make_plant(*late, ("input_delay", "cart_drive", {"delay": 0.8}), swing_damping=0.01)
     problem, engine, start, inputs = problem_of(plant, (WHOLE,))
+    number = engine.steps.predictions.number
     tiling = problem.data.tilings[0]
     # From rest, where what a late sensor reads is what there is.
     rest = np.concatenate([tiling.states[:1, :3], np.zeros((1, 3))], axis=1)
@@ -119,13 +125,15 @@ def test_late_readings_and_inputs_reach_back_over_blocks():
     count = problem.data.grids[0].intervals
     assert count > 2 * BLOCK and engine.samples % BLOCK != 0
     lane = make_lane(inputs[0][:count], 0.01, active=EVERY_AXIS)
-    moved = simulate(plant, jnp.asarray(rest[0]), lane, substeps=engine.steps.number, method=MIDPOINT)
+    moved = simulate(plant, jnp.asarray(rest[0]), lane, substeps=number, method=MIDPOINT)
     assert np.abs(predicted[: count + 1] - measure(plant, lane, moved)).max() < 1e-9
 
 
 @pytest.mark.parametrize("horizon", [0.3, WHOLE])
 def test_tangents_against_central_differences(horizon):
     problem, engine, start, _ = problem_of(DRY, (horizon,))
+    # Of the same steps as the predictions whose derivatives they are.
+    engine.steps = Stepping(engine.steps.tangents, engine.steps.tangents)
     tiling = problem.data.tilings[0]
     # From rest, where friction has a kink, no difference is a derivative.
     states = tiling.states + np.array([0.0, 0.0, 0.0, 0.3, 0.2, 0.1])
@@ -206,13 +214,14 @@ def test_long_recordings_are_taken_one_by_one(monkeypatch):
 
     def counted(table, lanes, *more):
         calls.append(len(lanes.vectors))
-        return predicted_with_tangents(table, lanes, *more)
+        return tangents(table, lanes, *more)
 
+    monkeypatch.setattr(module, "_WIDEST", engine.width)
     for room in (module._CALL, 1):
         monkeypatch.setattr(module, "_CALL", room)
         monkeypatch.setattr(module, "_HELD", room)
         told = found.setdefault(room, {})
-        monkeypatch.setattr(module, "predicted_with_tangents", counted)
+        monkeypatch.setattr(module, "tangents", counted)
         engine.sensitivities(jobs, told.__setitem__)
     parts = -(-len(start.free) // engine.width)
     assert calls.count(1) == 4 * parts and max(calls) > 1

@@ -20,8 +20,9 @@ from ..structures.structure import Structure, squares
 
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
-_COLUMNS = 16
-"""Parameter columns of a call, always the same, so that one program serves a whole search."""
+_COLUMNS = 12
+"""Parameter columns of a call that most models need no more than, always the same, so that few programs serve a whole
+search."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 

@@ -5,6 +5,7 @@ so that short windows show forces and long ones show what adds up: drifts, scale
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -78,6 +79,16 @@ class Data:
     @property
     def samples(self) -> int:
         return self.y.shape[1]
+
+    @functools.cached_property
+    def weight(self) -> NDArray[np.float64]:
+        """One over the noise `(recording, sample, 3)`, 0 where nothing is measured."""
+        return np.where(self.measured, 1.0 / np.where(np.isnan(self.noise), 1.0, self.noise)[:, None], 0.0)
+
+    @functools.cached_property
+    def measured_before(self) -> NDArray[np.int64]:
+        """Measurements before each sample, and in all, `(recording, sample + 1, 3)`."""
+        return np.pad(np.cumsum(self.measured, axis=1), [(0, 0), (1, 0), (0, 0)])
 
     def with_tilings(self, tilings: Sequence[Tiling]) -> "Data":
         """The same recordings cut into other windows."""

@@ -1,5 +1,7 @@
 """Predictions of windows and their forward sensitivities, for many parameter vectors at once.
 
+Predictions decide, so their steps are short enough that integration errors do not show beside the noise. Tangents only
+lead to the next prediction and cost ten times as much: their steps are as long as they may be.
 Forward mode, since a fit has few parameters and many residuals: one tangent for each free parameter and one for each
 coordinate and velocity of a window's beginning. A window's tangents end where the next one begins, so that those six
 columns (fewer where an axis does not move) serve all windows of a recording together. Which parameters are free is data
@@ -12,17 +14,16 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..data.windows import Course
-from .windowed_rollout import LOST, SHIFTED, STATES, Lanes, Steps, predicted, predicted_with_tangents
+from .windowed_rollout import LOST, SHIFTED, STATES, Lanes, Stepping, predicted, tangents
 
 _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
@@ -82,7 +83,7 @@ class Engine:
         self,
         plant: Plant,
         courses: Sequence[Course],
-        steps: Steps,
+        steps: Stepping,
         jobs: int,
         given: int | None = None,
         width: int = 0,
@@ -95,7 +96,8 @@ class Engine:
         jobs: simulations that are usually wanted at a time.
         given: number of effects, from the first, that all structures have; of the others a simulation computes those
             alone of which some number is free or not the plant's. By default all structures have all.
-        width: parameter columns of a call; by default as many as are wanted at a time.
+        width: parameter columns of a call; simulations that want more have calls with the most, so that two programs
+            serve all. By default as many as are wanted at a time.
         lanes: simulations of a call; by default as many as `jobs` ask for.
         """
         self.table = ParameterTable(plant)
@@ -128,8 +130,8 @@ class Engine:
         """Readings of every job, `(sample, 3)`."""
         out: list[NDArray[np.float64]] = [np.zeros(0)] * len(jobs)
 
-        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
-            out[i] = found[0][lane]
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: NDArray[np.float64]) -> None:
+            out[i] = found[lane]
 
         self._run(jobs, [(i, np.zeros(0, np.int64)) for i in range(len(jobs))], None, self.lanes, keep)
         return out
@@ -146,20 +148,33 @@ class Engine:
                 for i, found in enumerate(self._differences(jobs[a : a + abreast]), a):
                     take(i, found)
             return
-        most = max((len(job.free) for job in jobs), default=0)
         if self._wider:
-            self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)))
-        abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
-        for first in range(0, len(jobs), abreast):
+            most = max((len(job.free) for job in jobs), default=0)
+            self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)), 1)
+        for wide in (False, True):
+            width = _WIDEST if wide and not self._wider else self._width
+            own = [i for i, job in enumerate(jobs) if (len(job.free) > self._width) == wide]
+            most = max((len(jobs[i].free) for i in own), default=0)
+            abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
+            for first in range(0, len(own), abreast):
+                some = own[first : first + abreast]
+                together = [jobs[i] for i in some]
+                readings = self.predict(together)
 
-            def numbered(i: int, found: Sensitivity, first: int = first) -> None:
-                take(first + i, found)
+                def complete(
+                    k: int,
+                    columns: tuple[NDArray[np.float64], ...],
+                    some: Sequence[int] = some,
+                    readings: Sequence[NDArray[np.float64]] = readings,
+                ) -> None:
+                    take(some[k], Sensitivity(readings[k], columns))
 
-            self._tangents(jobs[first : first + abreast], numbered)
+                self._tangents(together, width, complete)
 
-    def _tangents(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
-        """`sensitivities` of jobs whose tangents are in memory at the same time."""
-        width = max(self._width, 1)
+    def _tangents(
+        self, jobs: Sequence[Job], width: int, take: Callable[[int, tuple[NDArray[np.float64], ...]], None]
+    ) -> None:
+        """Columns of jobs that are in memory at the same time, from calls of so many parameter columns."""
         parts = []
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), width)
@@ -172,16 +187,15 @@ class Engine:
         columns = [[none] * (len(job.free) + STATES) for job in jobs]
         missing = [max(len(job.free), 1) for job in jobs]
 
-        def keep(i: int, places: NDArray[np.int64], lane: int, found: tuple[NDArray[np.float64], ...]) -> None:
-            predicted, tangents = found[0][lane], found[1][lane]
-            free = jobs[i].free
+        def keep(i: int, places: NDArray[np.int64], lane: int, found: NDArray[np.float64]) -> None:
+            own, free = found[lane], jobs[i].free
             for column, place in enumerate(np.flatnonzero(np.isin(free, places))):
-                columns[i][int(place)] = tangents[:, column]
+                columns[i][int(place)] = own[:, column]
             for column, place in enumerate(self._moving):
-                columns[i][len(free) + int(place)] = tangents[:, width + column]
+                columns[i][len(free) + int(place)] = own[:, width + column]
             missing[i] -= max(len(places), 1)
             if missing[i] == 0:
-                take(i, Sensitivity(predicted, tuple(columns[i])))
+                take(i, tuple(columns[i]))
                 columns[i] = []
 
         self._run(jobs, parts, width, lanes, keep)
@@ -234,7 +248,7 @@ class Engine:
         parts: Sequence[tuple[int, NDArray[np.int64]]],
         width: int | None,
         lanes: int,
-        keep: Callable[[int, NDArray[np.int64], int, tuple[NDArray[np.float64], ...]], None],
+        keep: Callable[[int, NDArray[np.int64], int, NDArray[np.float64]], None],
     ) -> None:
         """Runs parts of jobs, so many at a time, on all processors. Results are handed over in order.
 
@@ -247,11 +261,12 @@ class Engine:
         """
         calls = [parts[a : a + lanes] for a in range(0, len(parts), lanes)]
 
-        def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> tuple[NDArray[np.float64], ...]:
+        def call(own: Sequence[tuple[int, NDArray[np.int64]]]) -> NDArray[np.float64]:
             # A short call repeats its last part: one shape, one program.
             full = [*own, *([own[-1]] * (lanes - len(own)))]
             size = self.table.size
-            vectors, towards = np.zeros((lanes, size)), np.zeros((lanes, width or 0, size))
+            vectors = np.zeros((lanes, size))
+            along: Any = np.zeros((lanes, width or 0, size))
             present = self._present([(jobs[i].vector, places) for i, places in own])
             restart = np.zeros((lanes, self.samples))
             states = np.zeros((lanes, self.samples, STATES))
@@ -259,25 +274,20 @@ class Engine:
             for k, (i, places) in enumerate(full):
                 job = jobs[i]
                 vectors[k], which[k] = job.vector, job.recording
-                towards[k, np.arange(len(places)), places] = 1.0
+                along[k, np.arange(len(places)), places] = 1.0
                 restart[k, job.begins] = 1.0
                 states[k, job.begins] = job.states
                 restart[k, job.shifted], states[k, job.shifted] = SHIFTED, job.shifts
             courses = jax.tree.map(lambda leaf: leaf[which], self._courses)
-            given = Lanes(
-                jnp.asarray(vectors),
-                courses,
-                jnp.asarray(restart),
-                jnp.asarray(states),
-                None if present is None else jnp.asarray(present),
-            )
+            # Programs take arrays of NumPy as they are.
+            arrays: Any = vectors, courses, restart, states, present
+            given = Lanes(*arrays)
             if width is None:
-                return (np.asarray(predicted(self.table, given, self.steps)),)
-            begun = jnp.asarray(np.eye(STATES)[self._moving])
-            found = predicted_with_tangents(self.table, given, jnp.asarray(towards), begun, self.steps)
-            return tuple(np.asarray(part) for part in found)
+                return np.asarray(predicted(self.table, given, self.steps.predictions))
+            begun: Any = np.eye(STATES)[self._moving]
+            return np.asarray(tangents(self.table, given, along, begun, self.steps.tangents))
 
-        def take(own: Sequence[tuple[int, NDArray[np.int64]]], found: tuple[NDArray[np.float64], ...]) -> None:
+        def take(own: Sequence[tuple[int, NDArray[np.int64]]], found: NDArray[np.float64]) -> None:
             for lane, (i, places) in enumerate(own):
                 keep(i, places, lane, found)
 

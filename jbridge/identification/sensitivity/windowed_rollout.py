@@ -52,6 +52,13 @@ class Steps:
     of a step."""
 
 
+class Stepping(NamedTuple):
+    """How time passes in predictions, which decide, and in tangents, which only lead to the next prediction."""
+
+    predictions: Steps
+    tangents: Steps
+
+
 class Lanes(NamedTuple):
     """Simulations side by side, each of one recording."""
 
@@ -74,14 +81,14 @@ def predicted(table: ParameterTable, lanes: Lanes, steps: Steps) -> Array:
 
 
 @kept(static=(0, 4))
-def predicted_with_tangents(
+def tangents(
     table: ParameterTable,
     lanes: Lanes,
     towards: Float[Array, "lane column parameter"],
     begun: Float[Array, "beginning state"],
     steps: Steps,
-) -> tuple[Array, Array]:
-    """Readings, and their derivatives `(lane, 3, column, sample)`, 0 where a simulation runs away.
+) -> Array:
+    """Derivatives of readings, `(lane, 3, column, sample)`, 0 where a simulation runs away.
 
     Args:
         table: of the parameters.
@@ -94,17 +101,17 @@ def predicted_with_tangents(
     def of(vectors: Array, moved: Array) -> Array:
         return _readings(table, lanes._replace(vectors=vectors), steps, moved)
 
-    def push(direction: Array, change: Array) -> tuple[Array, Array]:
-        predicted, tangent = jax.jvp(of, (lanes.vectors, jnp.zeros(STATES)), (direction, change))
+    def push(direction: Array, change: Array) -> Array:
+        _, tangent = jax.jvp(of, (lanes.vectors, jnp.zeros(STATES)), (direction, change))
         tangent = jnp.swapaxes(tangent, 1, 2)
         # A simulation that runs away has no tangents to go by.
-        return predicted, jnp.where(jnp.abs(tangent) < LOST, tangent, 0.0)
+        return jnp.where(jnp.abs(tangent) < LOST, tangent, 0.0)
 
     count, width, size = towards.shape
     along = jnp.concatenate([jnp.swapaxes(towards, 0, 1), jnp.zeros((len(begun), count, size))])
     change = jnp.concatenate([jnp.zeros((width, STATES)), begun])
     # Columns outside, lanes inside: processors take neighbours together, and all lanes do the same.
-    return jax.vmap(push, out_axes=(None, 2))(along, change)
+    return jax.vmap(push, out_axes=2)(along, change)
 
 
 def _readings(table: ParameterTable, lanes: Lanes, steps: Steps, moved: Array | None = None) -> Array:

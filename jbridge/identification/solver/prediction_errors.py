@@ -63,9 +63,10 @@ def residuals(engine: Engine, data: Data, start: Start | Point) -> list[NDArray[
 
 def residual(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
     r = data.tilings[tiling].recording
-    # What is no number counts as one that is far off, like a simulation that runs away.
-    predicted = np.where(np.isfinite(predicted), predicted, FAR)
-    return np.where(data.measured[r], (predicted - data.y[r]) / data.noise[r], 0.0)
+    if not np.isfinite(predicted).all():
+        # What is no number counts as one that is far off, like a simulation that runs away.
+        predicted = np.where(np.isfinite(predicted), predicted, FAR)
+    return (predicted - data.y[r]) * data.weight[r]
 
 
 def squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -76,8 +77,7 @@ def squares(data: Data, tiling: int, predicted: NDArray[np.float64]) -> NDArray[
 def mean_squares(data: Data, tiling: int, left: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean square over each window, `(window, 3)`, of what is 0 where nothing is measured, `(sample, 3)`."""
     t = data.tilings[tiling]
-    measured = data.measured[t.recording]
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(left**2, axis=0)])
-    counts = np.concatenate([np.zeros((1, 3)), np.cumsum(measured, axis=0)])
-    number = counts[t.stops] - counts[t.count_from]
-    return (sums[t.stops] - sums[t.count_from]) / np.maximum(number, 1.0)
+    before = data.measured_before[t.recording]
+    sums = np.zeros((len(left) + 1, 3))
+    np.cumsum(left * left, axis=0, out=sums[1:])
+    return (sums[t.stops] - sums[t.count_from]) / np.maximum(before[t.stops] - before[t.count_from], 1)

@@ -55,7 +55,7 @@ def normal_equations(
         tiling, normal, point = data.tilings[k], out[i], points[i]
         first = int(np.flatnonzero(windows.tiling == k)[0])
         r = tiling.recording
-        scale = np.where(data.measured[r], 1.0 / np.where(np.isnan(data.noise[r]), 1.0, data.noise[r]), 0.0).T
+        scale = data.weight[r].T
         n = len(point.free)
         # Channels first, so that products of windows are products of contiguous matrices.
         table = np.empty((3, n + 1 + STATES, data.samples))
