@@ -185,14 +185,21 @@ def likelihood(
             counted = windows.count[own, k]
             if not counted.any():
                 continue
-            left = data.y[tiling.recording, :, k] if residuals is None else residuals[t][:, k]
-            effective = _effective(left, data.measured[tiling.recording, :, k])
+            measured, signal = data.measured[tiling.recording, :, k], windows.signal[own, k]
+            left, energy = data.y[tiling.recording, :, k], measured.astype(float)
+            if residuals is not None:
+                left = residuals[t][:, k]
+                sums = np.concatenate([[0.0], np.cumsum(left**2)])
+                square = (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0)
+                signal = np.maximum(signal, square)
+                size, told = np.sqrt((counted * square + NU) / (counted + NU)), _told(signal)
+                left = left.copy()
+                for a, b, own_size, own_told in zip(tiling.count_from, tiling.stops, size, told, strict=True):
+                    left[a:b] *= np.sqrt(own_told) / own_size
+                    energy[a:b] *= own_told
+            effective = _effective(left, energy)
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), {})[t] = max(float((counted * effective).sum()), 1.0)
-            signal = windows.signal[own, k]
-            if residuals is not None:
-                sums = np.concatenate([[0.0], np.cumsum(left**2)])
-                signal = np.maximum(signal, (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0))
             share[own, k] = _told(signal) / tiling.windows
     total = 0.0
     for (_, k), values in number.items():
@@ -205,21 +212,27 @@ def likelihood(
     return Likelihood(share, within, windows.count, group, total, prior)
 
 
-def _effective(residual: NDArray[np.float64], measured: NDArray[np.bool_]) -> float:
+def _effective(residual: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
     """Effective number of samples over their number, from the autocorrelation over a recording.
 
     It is that of the recording, not of its windows: an error that comes back with every repetition of a motion tells
     no more than one repetition does.
+
+    Args:
+        residual: of each sample, over the error of its window, so that one window that no model meets does not say how
+            the errors of all others hang together.
+        weight: mean square that it has if all samples are alike; 0 where nothing is measured.
     """
     size = 2 ** int(np.ceil(np.log2(2 * len(residual))))
     lags = np.arange(1, max(len(residual) // 2, 2))
-    total = _autocorrelation(np.where(measured, residual, 0.0), size)
-    pairs = np.maximum(_autocorrelation(measured.astype(float), size), 1.0)
+    total = _autocorrelation(np.where(weight > 0.0, residual, 0.0), size)
+    pairs = _autocorrelation(weight, size)
     if total[0] <= 0.0:
         return 1.0
-    # The square of a correlation that is none is 1/pairs on average. What is correlated adds more than that at far
-    # lags, which is not told from an error that comes back: the number is rather too small than too large.
-    squares = (total[lags] / total[0]) ** 2 - pairs[lags] / pairs[0] ** 2
+    # The square of a correlation that is none is 1/pairs on average, where all weigh the same. What is correlated adds
+    # more than that at far lags, which is not told from an error that comes back: the number is rather too small than
+    # too large.
+    squares = (total[lags] / total[0]) ** 2 - pairs[lags] / max(float(weight.sum()), 1e-300) ** 2
     return float(1.0 / (1.0 + 2.0 * max(float(squares.sum()), 0.0)))
 
 
