@@ -20,16 +20,13 @@ from .likelihood import Index, Likelihood, index, likelihood
 from .prior import Prior
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Stepping, Steps
-from .setting import Setting, free_places, overrides
+from .setting import FINER, Setting, free_places, overrides
 from .solver import Limits, Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
 """Time before a recording [s] whose inputs its drives feel, unless a model has longer delays or lags."""
 _FIRST, _NEXT = 6, 12
 """Iterations on the shorter windows, and on all."""
-_FINER = 2
-"""Steps of predictions for each that a plant needs: those of damped axes err by a third of an encoder's noise
-otherwise, which adds up over a recording to what looks like a delay."""
 _SOME = 3
 """Recordings on which fits from several starts are compared."""
 _ELSEWHERE = (1.0 / 3.0, 3.0)
@@ -192,7 +189,7 @@ def engine_for(
         damped = stiff_axes(plant, fine=fine)
         return Steps(finer * substeps(plant, data.period, damped=damped), fine, damped)
 
-    paces = Stepping(steps(setting.fine, _FINER), steps(False, 1))
+    paces = Stepping(steps(setting.fine, FINER), steps(False, 1))
     return Engine(plant, courses, paces, len(data.tilings), given, width, lanes)
 
 

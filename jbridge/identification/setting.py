@@ -33,6 +33,9 @@ PART_OF = {
     "gravity": "psi",
 }
 """The axis that must move for a number of the bridge to matter."""
+FINER = 2
+"""Steps of predictions for each that a plant needs: those of damped axes err by a third of an encoder's noise
+otherwise, which adds up over a recording to what looks like a delay."""
 _OWN = 0.1
 """Error of the midpoint method's steps over the noise of the angle, as it is foreseen for a lasting free swing, up to
 which it serves. A thousand samples tell of an error that much smaller than the noise of one of them."""
@@ -178,7 +181,7 @@ def _drifts(recording: Recording, noise: float, plant: Plant) -> bool:
     frequency = float(np.sqrt(bridge.gravity / length * (1.0 + share)))
     amplitude = np.sqrt(4.0 / 3.0 * np.mean(size**4) / max(float(np.mean(size**2)), 1e-12))
     fast = frequency**3 * float(np.sqrt(np.mean((size * late) ** 2))) * min(float(amplitude) ** 2 / 25.0, 0.05)
-    return fast * RIGID**2 > _OWN * noise
+    return fast * (RIGID / FINER) ** 2 > _OWN * noise
 
 
 def _check_sensors(recordings: Sequence[Recording]) -> None:
