@@ -36,8 +36,8 @@ def table(rows: dict[str, Row], rigs: dict[str, Row]) -> str:
         "effect alone closes.",
         "Redrawn by `python experiments/real_rigs/run.py --figures`; do not edit.",
         "",
-        "| rig | what is known | verdict, share explained | what is named | error at 1 s | s | GB |",
-        "|---|---|---|---|---|---|---|",
+        "| rig | what is known | verdict, share explained | what is named | error at 1 s | s | GB | version |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, row in rows.items():
         said = [f"`{row['verdict']}`" + (", complete" if row["complete"] else "")]
@@ -46,7 +46,7 @@ def table(rows: dict[str, Row], rigs: dict[str, Row]) -> str:
         said += [] if row["stopped"] == "criterion" else [f"stopped by the {row['stopped']}"]
         lines.append(
             f"| {name} | {rigs[name]['known']} | {', '.join(said)} | {named(row)} | {errors(row)} |"
-            f" {row['seconds']} | {row['gigabytes']:.1f} |"
+            f" {row['seconds']} | {row['gigabytes']:.1f} | {row['code'][:7]} |"
         )
     lines += ["", "![Error over prediction horizon](real-rigs.png)", "", "Sources:", ""]
     sources = dict.fromkeys(rig["source"] for rig in rigs.values() if "source" in rig)

@@ -26,6 +26,7 @@ ROOT = HERE.parent.parent
 sys.path.insert(0, str(ROOT))
 
 import jbridge  # noqa: E402
+from experiments.concealed.run import commit  # noqa: E402
 
 SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))
 """The folder that holds `recordings` and `faults`."""
@@ -70,9 +71,10 @@ def diagnosed(name: str, budget: float, out: Path) -> dict[str, Any]:
     jbridge.save_report(folder, found)
     print(jbridge.describe_diagnosis(found, folder), flush=True)
     report = json.loads((folder / "report.json").read_text())
+    code = {"code": commit()}
     keys = ("verdict", "complete", "explained", "stopped", "statement", "effects", "bridge", "fit")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return {"seconds": round(seconds), "gigabytes": round(peak, 2), **{key: report[key] for key in keys}}
+    return {"seconds": round(seconds), "gigabytes": round(peak, 2), **code, **{key: report[key] for key in keys}}
 
 
 def main() -> None:
