@@ -33,6 +33,9 @@ from seal import SEALS, open_truths
 from tables import AGAIN, PRESENT
 
 ROOT = HERE.parent.parent
+sys.path.append(str(ROOT))
+from experiments.version import commit  # noqa: E402
+
 FIGURES = ROOT / "figures"
 
 
@@ -83,14 +86,6 @@ def row_of(truth: dict, case: Path) -> dict | None:
     content = json.loads(report.read_text()) if run["status"] == 0 and report.exists() else None
     told = {"wall": run["seconds"], "status": run["status"], "code": run.get("code")}
     return score(truth, content, mean_length(case)) | told
-
-
-def commit() -> str:
-    """The code's version, with a mark where files differ from it."""
-    git = ["git", "-C", str(ROOT)]
-    head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
-    changed = subprocess.run([*git, "status", "--porcelain", "src", "jbridge"], capture_output=True, text=True).stdout
-    return head + ("+changes" if changed.strip() else "")
 
 
 def options() -> argparse.Namespace:

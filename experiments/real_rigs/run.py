@@ -26,7 +26,7 @@ ROOT = HERE.parent.parent
 sys.path.insert(0, str(ROOT))
 
 import jbridge  # noqa: E402
-from experiments.concealed.run import commit  # noqa: E402
+from experiments.version import commit  # noqa: E402
 
 SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))
 """The folder that holds `recordings` and `faults`."""
