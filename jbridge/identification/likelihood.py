@@ -16,9 +16,10 @@ and once. Windows near the typical error count by their squares, as in least squ
 costs the logarithm of its error, so it does not bend everything else; and one that happens to be met far better than
 most has no say of its own: a sum of logarithms would have a minimum at each such window. `n`, the effective number of
 samples of a recording (the geometric mean over horizons), follows from the autocorrelation of what the best model so
-far leaves: it is the number of independent samples whose mean square would be as uncertain (Bayley and Hammersley,
-Supplement to the Journal of the Royal Statistical Society 8, 1946). A whole recording of a model that drifts has a few,
-short windows have hundreds: horizons weigh as their own numbers do, so that no law is found in a single drift, but none
+far leaves, over the root of `(S + s2) / 2`, so that one window that it does not meet does not say how the errors of all
+others hang together: it is the number of independent samples whose mean square would be as uncertain (Bayley and
+Hammersley, Supplement to the Journal of the Royal Statistical Society 8, 1946). A whole recording of a model that
+drifts has a few, short windows have hundreds: horizons weigh as their own numbers do, so that no law is found in a single drift, but none
 by more than the mean, so that short windows, in which slow laws hardly show, do not outvote long ones. `a` discounts
 windows in which the rig rests and the best model so far is right, which tell next to nothing of laws of motion; where
 the rig rests and the model does not, it lacks what holds the rig.
@@ -188,15 +189,15 @@ def likelihood(
             measured, signal = data.measured[tiling.recording, :, k], windows.signal[own, k]
             left, energy = data.y[tiling.recording, :, k], measured.astype(float)
             if residuals is not None:
-                left = residuals[t][:, k]
-                sums = np.concatenate([[0.0], np.cumsum(left**2)])
-                square = (sums[tiling.stops] - sums[tiling.count_from]) / np.maximum(counted, 1.0)
+                square = tiling.sums(residuals[t][:, k] ** 2) / np.maximum(counted, 1.0)
                 signal = np.maximum(signal, square)
-                size, told = np.sqrt((counted * square + NU) / (counted + NU)), _told(signal)
-                left = left.copy()
-                for a, b, own_size, own_told in zip(tiling.count_from, tiling.stops, size, told, strict=True):
-                    left[a:b] *= np.sqrt(own_told) / own_size
-                    energy[a:b] *= own_told
+                size, told = (counted * square + NU) / (counted + NU), _told(signal)
+                # As the criterion weighs them: those near the typical error alike.
+                typical = np.exp(np.sum(told * np.log(size)) / max(float(told.sum()), 1e-300))
+                energy, factor = np.zeros(len(energy)), np.zeros(len(energy))
+                for a, b, own_told, over in zip(tiling.count_from, tiling.stops, told, size + typical, strict=True):
+                    energy[a:b], factor[a:b] = own_told, np.sqrt(2.0 * own_told / over)
+                left, energy = residuals[t][:, k] * factor, np.where(measured, energy, 0.0)
             effective = _effective(left, energy)
             within[own, k] = np.maximum(counted * effective, 1.0)
             number.setdefault((tiling.recording, k), {})[t] = max(float((counted * effective).sum()), 1.0)
@@ -219,9 +220,9 @@ def _effective(residual: NDArray[np.float64], weight: NDArray[np.float64]) -> fl
     no more than one repetition does.
 
     Args:
-        residual: of each sample, over the error of its window, so that one window that no model meets does not say how
-            the errors of all others hang together.
-        weight: mean square that it has if all samples are alike; 0 where nothing is measured.
+        residual: of each sample.
+        weight: its mean square in proportion to that of the others, if the errors of all windows were alike; 0 where
+            nothing is measured.
     """
     size = 2 ** int(np.ceil(np.log2(2 * len(residual))))
     lags = np.arange(1, max(len(residual) // 2, 2))

@@ -161,7 +161,8 @@ def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def _drifts(recording: Recording, noise: float, plant: Plant) -> bool:
-    """Whether the midpoint method's own error, in a free swing like the recorded one, shows beside the noise [rad].
+    """Whether the midpoint method's own error in predictions of a free swing like the recorded one shows beside the
+    noise [rad].
 
     The method makes a swing of frequency `w` and amplitude `A` too fast by `(w h)^2 A^2 / 25` of it, 5 %
     of `(w h)^2` at most, as periods of simulated swings say. Where one is long, and wide or quick, no other start makes

@@ -62,7 +62,7 @@ KEPT = {
     "fit": {"noise": {"x": 1e-5}, "horizons": [
         {"seconds": s, "typical": {"before": {"x": 1e-3}, "after": {"x": 2e-5}}} for s in (0.1, 1.0, 3.0)
     ]},
-    "seconds": 60, "gigabytes": 1.234,
+    "seconds": 60, "gigabytes": 1.234, "code": "0123456789ab",
 }  # fmt: skip
 
 

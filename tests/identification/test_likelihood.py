@@ -27,9 +27,20 @@ def test_effective_number_of_an_autoregressive_process(data, pole):
     # Between the numbers of which a mean and a mean square are as uncertain, for an infinitely long one.
     low, high = ((1 - p) / (1 + p) for p in (pole, pole**2))
     assert 0.9 * low < found.total / 6000 < 1.1 * high
-    # A window has its share of them, and one at least; errors are taken over those of other windows at each horizon.
+    # A window has its share of them, and one at least, but for what windows of each horizon happen to leave.
     windows = np.maximum(index(data).count[:, 0] * found.total / 6000, 1.0)
     np.testing.assert_allclose(found.within[:, 0], windows, rtol=0.05)
+
+
+@pytest.mark.parametrize("pole", [0.9, 0.97])
+def test_windows_shorter_than_an_errors_memory_tell_no_more(data, pole):
+    """To divide each by its own error would make half as many again of them, by the law of arcsines."""
+    noise = np.random.default_rng(3).standard_normal(data.samples)
+    residual = np.zeros((data.samples, 3))
+    residual[:, 0] = lfilter([1.0], [1.0, -pole], noise)
+    short, whole = (make_data(data.recordings, (horizon,)) for horizon in (0.1, np.inf))
+    found, wanted = (likelihood(each, index(each), [residual]).total for each in (short, whole))
+    assert found == pytest.approx(wanted, rel=0.3)
 
 
 def test_one_window_that_is_not_met_says_nothing_of_the_others(data):
@@ -38,7 +49,7 @@ def test_one_window_that_is_not_met_says_nothing_of_the_others(data):
     hit = white.copy()
     hit[3000:3100] += 3000.0
     (usual, _), (after, _) = (counted(data.of_horizons([1.0]), [left]) for left in (white, hit))
-    assert after[0] == pytest.approx(usual[0], rel=0.1)
+    assert after[0] == pytest.approx(usual[0], rel=0.2)
 
 
 def thinned(data):
@@ -182,3 +193,14 @@ def test_horizons_weigh_as_their_own_samples_do_and_by_no_more_than_the_mean(dat
     # Errors are taken over those of their windows, which are others at each horizon.
     assert total == pytest.approx(mean, rel=0.02) and sum(totals) == pytest.approx(mean, rel=0.02)
     assert totals[1] / totals[0] == pytest.approx(few / mean, rel=0.02)
+
+
+def test_a_window_counts_its_own_samples_alone(data):
+    """A simulation that runs away in one window leaves 1e15 there, beside which the next is not lost."""
+    [tiling] = data.of_horizons([1.0]).tilings
+    values = np.ones((data.samples, 3))
+    values[tiling.begins[3] : tiling.stops[3]] = 1e17
+    sums = tiling.sums(values)
+    np.testing.assert_array_equal(np.delete(sums[:, 0], 3), np.delete(tiling.stops - tiling.begins, 3))
+    empty = dataclasses.replace(tiling, stops=tiling.count_from)
+    assert not empty.sums(values).any()

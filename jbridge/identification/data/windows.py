@@ -60,6 +60,14 @@ class Tiling:
     def windows(self) -> int:
         return len(self.begins)
 
+    def sums(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over the samples that count of each window, of values by sample; each for itself, since a simulation
+        that runs away in one window leaves values beside which those of the next would be lost in a running total."""
+        padded = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+        found = np.add.reduceat(padded, np.stack([self.count_from, self.stops], axis=1).ravel(), axis=0)[::2]
+        found[self.stops <= self.count_from] = 0.0
+        return found
+
 
 @dataclasses.dataclass(frozen=True)
 class Data:

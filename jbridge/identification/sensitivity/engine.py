@@ -1,7 +1,9 @@
 """Predictions of windows and their forward sensitivities, for many parameter vectors at once.
 
-Predictions decide, so their steps are short enough that integration errors do not show beside the noise. Tangents only
-lead to the next prediction and cost ten times as much: their steps are as long as they may be.
+Predictions decide, so their steps are short enough that integration errors do not show beside the noise. Tangents lead
+to the next prediction and say how sure a number is; they cost ten times as much, and their steps are as long as they
+may be.
+
 Forward mode, since a fit has few parameters and many residuals: one tangent for each free parameter and one for each
 coordinate and velocity of a window's beginning. A window's tangents end where the next one begins, so that those six
 columns (fewer where an axis does not move) serve all windows of a recording together. Which parameters are free is data

@@ -53,7 +53,7 @@ class Steps:
 
 
 class Stepping(NamedTuple):
-    """How time passes in predictions, which decide, and in tangents, which only lead to the next prediction."""
+    """How time passes in predictions, which decide, and in tangents, which lead to the next prediction."""
 
     predictions: Steps
     tangents: Steps

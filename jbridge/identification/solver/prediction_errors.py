@@ -78,6 +78,4 @@ def mean_squares(data: Data, tiling: int, left: NDArray[np.float64]) -> NDArray[
     """Mean square over each window, `(window, 3)`, of what is 0 where nothing is measured, `(sample, 3)`."""
     t = data.tilings[tiling]
     before = data.measured_before[t.recording]
-    sums = np.zeros((len(left) + 1, 3))
-    np.cumsum(left * left, axis=0, out=sums[1:])
-    return (sums[t.stops] - sums[t.count_from]) / np.maximum(before[t.stops] - before[t.count_from], 1)
+    return t.sums(left * left) / np.maximum(before[t.stops] - before[t.count_from], 1)
