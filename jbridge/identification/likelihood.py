@@ -19,10 +19,10 @@ samples of a recording (the geometric mean over horizons), follows from the auto
 far leaves, over the root of `(S + s2) / 2`, so that one window that it does not meet does not say how the errors of all
 others hang together: it is the number of independent samples whose mean square would be as uncertain (Bayley and
 Hammersley, Supplement to the Journal of the Royal Statistical Society 8, 1946). A whole recording of a model that
-drifts has a few, short windows have hundreds: horizons weigh as their own numbers do, so that no law is found in a single drift, but none
-by more than the mean, so that short windows, in which slow laws hardly show, do not outvote long ones. `a` discounts
-windows in which the rig rests and the best model so far is right, which tell next to nothing of laws of motion; where
-the rig rests and the model does not, it lacks what holds the rig.
+drifts has a few, short windows have hundreds: horizons weigh as their own numbers do, so that no law is found in a
+single drift, but none by more than the mean, so that short windows, in which slow laws hardly show, do not outvote long
+ones. `a` discounts windows in which the rig rests and the best model so far is right, which tell next to nothing of
+laws of motion; where the rig rests and the model does not, it lacks what holds the rig.
 """
 
 import dataclasses
