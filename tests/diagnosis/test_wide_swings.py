@@ -59,7 +59,7 @@ def test_wide_swings_ask_for_steps_of_order_4():
         problem = make_problem(dataclasses.replace(setting, fine=fine), make_data(runs, (1.0, WHOLE)))
         problem, fitted = fit_structure(problem, MODEL.plant, MODEL.known)
         ratios.append(float(np.sqrt(fitted.point.square[np.isinf(problem.windows.horizon), 1].mean())))
-    # Its own error is a quarter of the noise, which a thousand samples tell.
+    # The midpoint method's own error is a quarter of the noise, which a thousand samples tell.
     assert ratios[0] == pytest.approx(1.0, abs=0.06) and ratios[1] ** 2 - ratios[0] ** 2 > 0.2**2
 
 
