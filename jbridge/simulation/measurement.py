@@ -92,7 +92,8 @@ def _late(
     """A coordinate `delay` before some times, by cubic Hermite interpolation; before its first sample it is continued
     backwards. What is read `now` is not needed."""
     wanted = at - delay
-    k = jnp.clip(jnp.searchsorted(times, wanted, side="right") - 1, 0, times.shape[0] - 2)
+    # The interval that ends there: the next one may not have been simulated yet.
+    k = jnp.clip(jnp.searchsorted(times, wanted, side="left") - 1, 0, times.shape[0] - 2)
     span = times[k + 1] - times[k]
     span = jnp.where(span > 0, span, 1.0)
     s = (wanted - times[k]) / span
