@@ -97,7 +97,8 @@ def diagnose(
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))
     fitting = time.monotonic()
-    problem, fitted = fit_structure(problem, resolve(model.plant, setting.length), model.known)
+    given = resolve(model.plant, setting.length)
+    problem, fitted = fit_structure(problem, given, model.known)
     once = time.monotonic() - fitting
 
     def until(effects: int) -> float:
@@ -106,7 +107,7 @@ def diagnose(
 
     space = make_space(problem, fitted.plant, model.known, shared=False)
     base = base_structure(problem, space, fitted.point)
-    search = select(problem, base, fitted.early, tell, until)
+    search = select(problem, base, given, tell, until)
     base, found = search.held[0], search.held[-1]
     if search.stopped == "interrupted":
         checked = unopened(search.problem, base, found)

@@ -42,9 +42,6 @@ class FittedModel:
     point: Point
     """Parameters, initial states, and each window's error."""
     engine: Engine
-    early: NDArray[np.float64]
-    """Parameters that met the shortest windows. Where much is missing, long ones may ask for a plant that does not
-    answer its inputs at all, beside which no effect would show."""
 
     @property
     def table(self) -> ParameterTable:
@@ -207,7 +204,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
     """
     engine = engine_for(problem.setting, problem.data, plant)
     start = start_of(problem, engine, plant, known)
-    horizons, early = problem.data.horizons, None
+    horizons = problem.data.horizons
     for last in dict.fromkeys((min(2, len(horizons)), len(horizons))):
         some = horizons[:last]
         part = problem.of_horizons(some)
@@ -219,9 +216,7 @@ def fit_structure(problem: Problem, plant: Plant, known: frozenset[str]) -> tupl
             next(states) if t.horizon in some else s for s, t in zip(start.states, problem.data.tilings, strict=True)
         )
         start = Start(point.vector, point.free, merged)
-        early = point.vector if early is None else early
     problem = problem.judged_by(problem.residuals(engine, start))
     [point] = problem.solve(engine, [start])
     point = problem.solved_anew(engine, point)
-    assert early is not None
-    return problem, FittedModel(engine.table.unravel(point.vector), known, point, engine, early)
+    return problem, FittedModel(engine.table.unravel(point.vector), known, point, engine)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...identification.estimation import Problem
 from ...identification.solver import Point, Start
+from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import Candidate
 from ..structures.space import Name
@@ -25,7 +26,7 @@ def added(
     among: AmongAll,
     shared: Sequence[Candidate],
     choice: dict[Name, float],
-    early: NDArray[np.float64] | None,
+    given: Plant | None,
 ) -> tuple[list[Move], list[Move]]:
     """The effects that a linear screen puts first, refitted on some windows: those that may be the best, and the others
     that should gain as well.
@@ -40,7 +41,8 @@ def added(
         among: that model, fitted to these windows, beside all effects that share a program.
         shared: effects that share it.
         choice: price of having chosen an effect among all.
-        early: parameters of the model that met short windows before it was fitted to all, if they are known.
+        given: the model with its owner's numbers, beside which an effect may show that does not beside fitted ones:
+            these make up for what is missing, with a larger dead zone for a friction. None where they were looked at.
     """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
@@ -56,13 +58,22 @@ def added(
     low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
-    if early is not None:
-        alive = Start(space.with_values(now.space.table.unravel(early)), there.free, states)
-        short = min(short, *low.solve(space.engine, [alive], 1), key=lambda point: point.value)
+    elsewhere: dict[Name, Start] = {}
+    if given is not None:
+        [owner] = low.evaluate(space.engine, [Start(space.with_values(given), there.free, low.guesses)])
+        shown = sorted(screened(low, AmongAll(space, owner), shared), key=lambda found: found[0])
+        ranks = {c.name: value + price(c, start.free) for value, c, start in reversed(shown)}
+        ahead = sorted(ranks, key=lambda name: ranks[name])[: CRITERIA.refitted]
+        chosen += [best[name] for name in ahead if all(candidate.name != name for _, candidate, _ in chosen)]
+        elsewhere = {candidate.name: start for _, candidate, start in reversed(shown)}
+        short = min(short, *low.solve(space.engine, [owner.start], 2 * TRIAL), key=lambda point: point.value)
     absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     # Tangents where all are absent are the same for all.
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
     begun = better_of(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
+    if elsewhere:
+        far = low.solve(space.engine, [elsewhere[candidate.name] for _, candidate, _ in chosen], 2 * TRIAL)
+        begun = better_of(low, space, begun, [point.start for point in far])
     *fitted, without = low.solve(space.engine, [*begun, short.start], TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)

@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...compilation.programs import forget_if_large
 from ...identification.data.windows import WHOLE
 from ...identification.estimation import Problem
 from ...identification.solver import Start
+from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart, proposals
@@ -53,7 +53,7 @@ class Search:
 def select(
     problem: Problem,
     base: Structure,
-    early: NDArray[np.float64],
+    given: Plant,
     tell: Callable[[str], None],
     until: Callable[[int], float],
 ) -> Search:
@@ -62,7 +62,7 @@ def select(
     Args:
         problem: recordings and criterion.
         base: the fitted model as given, see `base_structure`.
-        early: its parameters that met the shortest windows.
+        given: its plant, with its owner's numbers.
         tell: takes a line on what is being done.
         until: deadline by `time.monotonic` [s], given the number of effects that the validation will leave out.
     """
@@ -84,7 +84,7 @@ def select(
         try:
             found = _smaller(problem, base, now, runners_up, seen)
             if not leaves_nothing(problem, now):
-                found += _larger(problem, base, now, None if number else early, seen)
+                found += _larger(problem, base, now, None if number else given, seen)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
@@ -134,7 +134,7 @@ def _larger(
     problem: Problem,
     base: Structure,
     now: Structure,
-    early: NDArray[np.float64] | None,
+    given: Plant | None,
     seen: set[frozenset[str]],
 ) -> list[Structure]:
     """All models with one effect or one finer law more that were worth a fit to all windows, fitted; the best of them
@@ -153,7 +153,7 @@ def _larger(
         for name in names
     }
     shared = [c for c in every if not is_apart(c.kind)]
-    moves, later = added(problem, part, now, among, shared, choice, early)
+    moves, later = added(problem, part, now, among, shared, choice, given)
     moves += refinements(problem, base, now, moves)
     found: list[Structure] = []
     good: list[Structure] = []
@@ -186,7 +186,7 @@ def _larger(
             good.insert(0, best)
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
-    if not good or (early is not None and not leaves_nothing(problem, good[0])):
+    if not good or (given is not None and not leaves_nothing(problem, good[0])):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
