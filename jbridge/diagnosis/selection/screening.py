@@ -1,8 +1,9 @@
 """A linear look at every effect that a model lacks: what the criterion would gain on the quadratics of all windows."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from ..structures.structure import Structure, squares
 
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
+_HALVINGS = 8
+"""Times that the distance between places to start is halved, about the best of them."""
 _COLUMNS = 12
 """Parameter columns of a call that most models need no more than, always the same, so that few programs serve a whole
 search."""
@@ -117,7 +120,8 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
 
 
 def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[Candidate]:
-    """Of effects with many places to start, those few at which a plain regression explains most of what is left."""
+    """Of effects with many places to start, those few at which a plain regression explains most of what is left, the
+    best of them moved to where it explains most: a step has a tangent at its own moment alone."""
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
         many.setdefault(candidate.name, []).append(candidate)
@@ -133,9 +137,32 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
         }
         for own in crowded:
             fade = fades[AXIS_OF_SITE[own[0].site]]
-            order = np.argsort(-_regressed(problem, left, own, fade), kind="stable")
-            out += [own[int(i)] for i in order[:_MOST_STARTS]]
+            explained = functools.partial(_regressed, problem, left, fade=fade)
+            order = [int(i) for i in np.argsort(-explained(own), kind="stable")]
+            beside = [own[i] for i in (order[0] - 1, order[0] + 1) if 0 <= i < len(own)]
+            out += [_between(own[order[0]], beside, explained), *(own[i] for i in order[1:_MOST_STARTS])]
     return out
+
+
+def _between(
+    best: Candidate, beside: Sequence[Candidate], explained: Callable[[Sequence[Candidate]], NDArray[np.float64]]
+) -> Candidate:
+    """The place to start between the best one and those beside it that explains most, by bisection."""
+    for _ in range(_HALVINGS):
+        tried = [best, *(_midway(best, other) for other in beside)]
+        first = int(np.argmax(explained(tried)))
+        beside = tried[1:] if first == 0 else [best, beside[first - 1]]
+        best = tried[first]
+    return best
+
+
+def _midway(one: Candidate, other: Candidate) -> Candidate:
+    """A place to start halfway between two, in all numbers."""
+    values = {
+        key: 0.5 * (value + other.values[key]) if isinstance(value, float) else value
+        for key, value in one.values.items()
+    }
+    return dataclasses.replace(one, values=values)
 
 
 def _regressed(
