@@ -61,19 +61,24 @@ def added(
     elsewhere: dict[Name, Start] = {}
     if given is not None:
         [owner] = low.evaluate(space.engine, [Start(space.with_values(given), there.free, low.guesses)])
-        shown = sorted(screened(low, AmongAll(space, owner), shared), key=lambda found: found[0])
-        ranks = {c.name: value + price(c, start.free) for value, c, start in reversed(shown)}
-        ahead = sorted(ranks, key=lambda name: ranks[name])[: CRITERIA.refitted]
+        shown: dict[Name, tuple[float, Start]] = {}
+        for value, candidate, start in sorted(
+            screened(low, AmongAll(space, owner), shared), key=lambda found: found[0]
+        ):
+            # The same numbers are estimated from either place.
+            if candidate.free == best[candidate.name][1].free:
+                shown.setdefault(candidate.name, (value + price(candidate, start.free), start))
+        ahead = sorted(shown, key=lambda name: shown[name][0])[: CRITERIA.refitted]
         chosen += [best[name] for name in ahead if all(candidate.name != name for _, candidate, _ in chosen)]
-        elsewhere = {candidate.name: start for _, candidate, start in reversed(shown)}
-        short = min(short, *low.solve(space.engine, [owner.start], 2 * TRIAL), key=lambda point: point.value)
+        elsewhere = {name: start for name, (_, start) in shown.items()}
+        short = min(low.solve(space.engine, [short.start, owner.start], 2 * TRIAL), key=lambda point: point.value)
     absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     # Tangents where all are absent are the same for all.
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
     begun = better_of(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
     if elsewhere:
-        far = low.solve(space.engine, [elsewhere[candidate.name] for _, candidate, _ in chosen], 2 * TRIAL)
-        begun = better_of(low, space, begun, [point.start for point in far])
+        far = [elsewhere.get(c.name, start) for (_, c, _), start in zip(chosen, begun, strict=True)]
+        begun = better_of(low, space, begun, [point.start for point in low.solve(space.engine, far, 2 * TRIAL)])
     *fitted, without = low.solve(space.engine, [*begun, short.start], TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)

@@ -21,7 +21,7 @@ from ..structures.structure import Structure, squares
 
 _MOST_STARTS = 3
 """Places to start one effect from that are screened by simulation."""
-_HALVINGS = 8
+_HALVINGS = 12
 """Times that the distance between places to start is halved, about the best of them."""
 _COLUMNS = 12
 """Parameter columns of a call that most models need no more than, always the same, so that few programs serve a whole
@@ -120,8 +120,9 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
 
 
 def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[Candidate]:
-    """Of effects with many places to start, those few at which a plain regression explains most of what is left, the
-    best of them moved to where it explains most: a step has a tangent at its own moment alone."""
+    """Of effects with many places to start, those few at which a plain regression explains most of what is left. The
+    best is moved to where it explains most: the time of a step has a gradient only within one sample of the true one.
+    """
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
         many.setdefault(candidate.name, []).append(candidate)
@@ -129,7 +130,7 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
         left = problem.residuals(among.space.engine, among.point)
-        b = among.space.own.bridge
+        b = among.space.table.unravel(among.point.vector).bridge
         fades = {
             "x": float(b.cart_damping / b.cart_mass),
             "psi": 0.0,
@@ -139,8 +140,10 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
             fade = fades[AXIS_OF_SITE[own[0].site]]
             explained = functools.partial(_regressed, problem, left, fade=fade)
             order = [int(i) for i in np.argsort(-explained(own), kind="stable")]
+            first, *others = (own[i] for i in order[:_MOST_STARTS])
             beside = [own[i] for i in (order[0] - 1, order[0] + 1) if 0 <= i < len(own)]
-            out += [_between(own[order[0]], beside, explained), *(own[i] for i in order[1:_MOST_STARTS])]
+            beside = [other for other in beside if _midway(other, first) == _midway(first, other)]
+            out += [_between(first, beside, explained), *others]
     return out
 
 
@@ -187,7 +190,7 @@ def _regressed(
             rows = np.flatnonzero(data.measured[tiling.recording, begin:stop, k]) + begin
             if len(rows) < 8:
                 continue
-            t, y = grid.times[rows], data.y[tiling.recording, rows, k]
+            t, y = grid.recording.begun + grid.times[rows], data.y[tiling.recording, rows, k]
             u = np.zeros(len(rows))
             if own[0].site.endswith("_drive"):
                 u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if AXES[k] == "x" else 1]

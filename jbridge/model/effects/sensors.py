@@ -106,7 +106,8 @@ class MissedCounts(AbstractSensor):
         self, t: Float[Array, " time"], reading: Float[Array, " time"], truth: Float[Array, " time"]
     ) -> Float[Array, " time"]:
         # One sample's rise gives the moment a gradient; a step between two samples cannot be timed better anyway.
-        period = (t[-1] - t[0]) / max(t.shape[0] - 1, 1)
+        # Samples that follow a recording's end take no time.
+        period = (t[-1] - t[0]) / jnp.maximum(jnp.sum(jnp.where(t[1:] > t[:-1], 1.0, 0.0)), 1.0)
         return reading + self.jump * jnp.clip((t - self.time) / jnp.maximum(period, 1e-6) + 0.5, 0.0, 1.0)
 
     @classmethod
