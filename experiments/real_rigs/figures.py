@@ -65,7 +65,7 @@ def named(row: Row) -> str:
         rivals = [f"{r['kind']} {r['site']}" for r in effect["equivalents"]]
         about += [f"or {', '.join(rivals)}"] if rivals else []
         numbers = [
-            f"{key} {told['value']:.3g} {told['unit']}".rstrip()
+            f"{key} {told['value']:.3g} {told['unit']}".removesuffix(" 1").rstrip()
             for key, told in effect["parameters"].items()
             if isinstance(told["value"], float) and told["std"]
         ]
