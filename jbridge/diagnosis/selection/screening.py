@@ -120,8 +120,9 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
 
 
 def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[Candidate]:
-    """Of effects with many places to start, those few at which a plain regression explains most of what is left. The
-    best is moved to where it explains most: the time of a step has a gradient only within one sample of the true one.
+    """Of effects with many places to start, those few at which a plain regression explains most of what is left, and
+    the one near the best of them at which it explains most: the time of a step has a gradient only within one sample of
+    the true one.
     """
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
@@ -143,7 +144,7 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
             first, *others = (own[i] for i in order[:_MOST_STARTS])
             beside = [own[i] for i in (order[0] - 1, order[0] + 1) if 0 <= i < len(own)]
             beside = [other for other in beside if _midway(other, first) == _midway(first, other)]
-            out += [_between(first, beside, explained), *others]
+            out += [first, *others, _between(first, beside, explained)]
     return out
 
 
