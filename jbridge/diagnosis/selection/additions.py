@@ -41,8 +41,8 @@ def added(
         among: that model, fitted to these windows, beside all effects that share a program.
         shared: effects that share it.
         choice: price of having chosen an effect among all.
-        given: the model with its owner's numbers, beside which an effect may show that does not beside fitted ones:
-            these make up for what is missing, with a larger dead zone for a friction. None where they were looked at.
+        given: the plant with the numbers of the model file, from which effects are screened as well: fitted numbers
+            make up for what is missing, as a larger dead zone does for a friction. None in later rounds.
     """
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}

@@ -20,7 +20,7 @@ from ..structures.space import Name, Space, is_apart, make_space
 from ..structures.structure import Structure, squares
 
 _MOST_STARTS = 3
-"""Places to start one effect from that are screened by simulation."""
+"""Places to start one effect from that are screened by simulation, beside one that bisection finds."""
 _HALVINGS = 12
 """Times that the distance between places to start is halved, about the best of them."""
 _COLUMNS = 12

@@ -62,7 +62,7 @@ def select(
     Args:
         problem: recordings and criterion.
         base: the fitted model as given, see `base_structure`.
-        given: its plant, with its owner's numbers.
+        given: its plant with the numbers of the model file.
         tell: takes a line on what is being done.
         until: deadline by `time.monotonic` [s], given the number of effects that the validation will leave out.
     """
