@@ -323,7 +323,8 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         low=low,
         high=high,
         speed=speed,
-        duration=max(r.duration for r in setting.recordings),
+        begin=min(r.begun for r in setting.recordings),
+        end=max(r.begun + r.duration for r in setting.recordings),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,
         bridge={

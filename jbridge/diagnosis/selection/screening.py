@@ -1,5 +1,6 @@
 """A linear look at every effect that a model lacks: what the criterion would gain on the quadratics of all windows."""
 
+import cmath
 import dataclasses
 import functools
 import math
@@ -12,6 +13,7 @@ from ..._types import AXES
 from ...identification.estimation import Problem
 from ...identification.setting import axis_of_number
 from ...identification.solver import Normal, Point, Start, bounded_step, moved_states
+from ...model.bridge import Bridge
 from ...model.effects.base import AXIS_OF_SITE, MAP_KNOTS
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
@@ -131,54 +133,44 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     if crowded:
         left = problem.residuals(among.space.engine, among.point)
-        b = among.space.table.unravel(among.point.vector).bridge
-        fades = {
-            "x": float(b.cart_damping / b.cart_mass),
-            "psi": 0.0,
-            "l": float(b.hoist_damping / (b.winch_mass + b.load_mass)),
-        }
+        bridge = among.space.table.unravel(among.point.vector).bridge
         for own in crowded:
-            fade = fades[AXIS_OF_SITE[own[0].site]]
-            explained = functools.partial(_regressed, problem, left, fade=fade)
-            order = [int(i) for i in np.argsort(-explained(own), kind="stable")]
-            first, *others = (own[i] for i in order[:_MOST_STARTS])
-            beside = [own[i] for i in (order[0] - 1, order[0] + 1) if 0 <= i < len(own)]
-            beside = [other for other in beside if _midway(other, first) == _midway(first, other)]
-            out += [first, *others, _between(first, beside, explained)]
+            explained = functools.partial(_regressed, problem, left, bridge=bridge)
+            order = np.argsort(-explained(own), kind="stable")
+            out += [own[i] for i in order[:_MOST_STARTS]]
+            out.append(_nearby(own[order[0]], own, explained))
     return out
 
 
-def _between(
-    best: Candidate, beside: Sequence[Candidate], explained: Callable[[Sequence[Candidate]], NDArray[np.float64]]
+def _nearby(
+    best: Candidate, own: Sequence[Candidate], explained: Callable[[Sequence[Candidate]], NDArray[np.float64]]
 ) -> Candidate:
-    """The place to start between the best one and those beside it that explains most, by bisection."""
-    for _ in range(_HALVINGS):
-        tried = [best, *(_midway(best, other) for other in beside)]
-        first = int(np.argmax(explained(tried)))
-        beside = tried[1:] if first == 0 else [best, beside[first - 1]]
-        best = tried[first]
+    """The place to start near the best one that explains most, by bisection of each number that tells them apart."""
+    reach = {}
+    for key, value in best.values.items():
+        if isinstance(value, float):
+            apart = np.abs([float(other.values[key]) - value for other in own])
+            if np.any(apart > 0.0):
+                reach[key] = float(apart[apart > 0.0].min())
+    for halving in range(1, _HALVINGS + 1):
+        for key, distance in reach.items():
+            values = [best.values[key] + way * 0.5**halving * distance for way in (0.0, -1.0, 1.0)]
+            tried = [dataclasses.replace(best, values={**best.values, key: value}) for value in values]
+            best = tried[int(np.argmax(explained(tried)))]
     return best
 
 
-def _midway(one: Candidate, other: Candidate) -> Candidate:
-    """A place to start halfway between two, in all numbers."""
-    values = {
-        key: 0.5 * (value + other.values[key]) if isinstance(value, float) else value
-        for key, value in one.values.items()
-    }
-    return dataclasses.replace(one, values=values)
-
-
 def _regressed(
-    problem: Problem, left: Sequence[NDArray[np.float64]], own: Sequence[Candidate], fade: float
+    problem: Problem, left: Sequence[NDArray[np.float64]], own: Sequence[Candidate], bridge: Bridge
 ) -> NDArray[np.float64]:
-    """Share of the longest screened windows' residuals that one effect's shapes explain beside a parabola, by start.
+    """Share of the longest screened windows' residuals that one effect's shapes explain, by start, beside another start
+    and a constant force.
 
     Args:
         problem: recordings.
         left: what the model leaves, by tiling.
         own: places to start one effect from.
-        fade: the axis' damping over its mass [1/s].
+        bridge: the model's numbers.
     """
     data = problem.data
     k = AXES.index(AXIS_OF_SITE[own[0].site])
@@ -195,8 +187,9 @@ def _regressed(
             u = np.zeros(len(rows))
             if own[0].site.endswith("_drive"):
                 u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if AXES[k] == "x" else 1]
-            s = np.stack([_shapes(c, t, y, u, fade) for c in own])
-            q, _ = np.linalg.qr((t - t[0])[:, None] ** np.arange(3))
+            axis = _LinearAxis.of(AXES[k], bridge, grid.length, t)
+            s = np.stack([_shapes(c, axis, y, u) for c in own])
+            q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(t)))], axis=1))
             r = residual[rows, k] - q @ (q.T @ residual[rows, k])
             s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
             s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
@@ -207,31 +200,64 @@ def _regressed(
     return explained
 
 
+@dataclasses.dataclass(frozen=True)
+class _LinearAxis:
+    """An axis as a mass with viscous damping, on a spring where it swings."""
+
+    t: NDArray[np.float64]
+    """Sampling times [s]."""
+    roots: tuple[complex, complex]
+    """Of its characteristic equation [1/s]."""
+
+    @classmethod
+    def of(cls, axis: str, bridge: Bridge, length: float, t: NDArray[np.float64]) -> "_LinearAxis":
+        """An axis of a bridge with its rope at some length [m]."""
+        damping, mass = {
+            "x": (bridge.cart_damping, bridge.cart_mass),
+            "psi": (bridge.swing_damping, bridge.load_mass * length**2),
+            "l": (bridge.hoist_damping, bridge.winch_mass + bridge.load_mass),
+        }[axis]
+        # Equal roots, as without damping, are parted by little: the formula of `response` divides by their distance.
+        half = max(0.5 * float(damping / mass), 1e-4)
+        stiffness = float(bridge.gravity) / length if axis == "psi" else 0.0
+        apart = cmath.sqrt(half**2 - stiffness)
+        return cls(t, (-half + apart, -half - apart))
+
+    def free_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How it moves without a force, from two independent initial states."""
+        first, second = (1.0 / growth for growth in self._growths())
+        return (first + second).real, ((first - second) / (self.roots[0] - self.roots[1])).real
+
+    def response(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How it moves under a force, from rest, in any unit."""
+        impulse = force * np.diff(self.t, prepend=self.t[0])
+        first, second = (np.cumsum(growth * impulse) / growth for growth in self._growths())
+        return ((first - second) / (self.roots[0] - self.roots[1])).real
+
+    def _growths(self) -> list[NDArray[np.complex128]]:
+        """What free motion falls by, with either root; no farther than numbers reach."""
+        since = self.t - self.t[0]
+        return [np.exp(np.minimum(-r.real * since, 300.0) - 1j * r.imag * since) for r in self.roots]
+
+
 def _shapes(
-    candidate: Candidate, t: NDArray[np.float64], y: NDArray[np.float64], u: NDArray[np.float64], fade: float
+    candidate: Candidate, axis: _LinearAxis, y: NDArray[np.float64], u: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """What an effect adds to a reading, in any unit, `(shape, sample)`; `u` is the input of its drive."""
-    values = candidate.values
+    values, t = candidate.values, axis.t
     if "time" in values:
         return (t >= float(values["time"])).astype(float)[None]
     if "start" in values:
         push = ((t >= float(values["start"])) & (t < float(values["stop"]))).astype(float)
-        return _response(t, push, 0.0)[None]
+        return axis.response(push)[None]
     if "end" in values:
         beyond = y - float(values["position"])
-        return _response(t, np.maximum(beyond if values["end"] == "high" else -beyond, 0.0), fade)[None]
+        return axis.response(np.maximum(beyond if values["end"] == "high" else -beyond, 0.0))[None]
     angle = 2 * np.pi * y / float(values["period"])
     shapes = np.stack([np.sin(angle), np.cos(angle)])
     if candidate.site.endswith("_drive"):
         shapes = shapes * u
-    return shapes if candidate.site.endswith("sensor") else np.stack([_response(t, s, fade) for s in shapes])
-
-
-def _response(t: NDArray[np.float64], force: NDArray[np.float64], fade: float) -> NDArray[np.float64]:
-    """Way of a mass with viscous damping under a force, from rest, in any unit."""
-    dt = np.diff(t, prepend=t[0])
-    grow = np.exp(np.minimum(fade * (t - t[0]), 300.0))
-    return np.cumsum(np.cumsum(force * grow * dt) / grow * dt)
+    return shapes if candidate.site.endswith("sensor") else np.stack([axis.response(s) for s in shapes])
 
 
 def linear_optimum(

@@ -68,8 +68,10 @@ class Scene(eqx.Module):
     high: Mapping[str, float]
     speed: Mapping[str, float]
     """A high quantile (95 %) of the speed of each axis [m/s, rad/s]."""
-    duration: float
-    """Longest recording [s]."""
+    begin: float
+    """When the first recording begins, in time since the beginning of its run [s],"""
+    end: float
+    """and when the last one ends."""
     period: float
     """Median sampling period [s]."""
     length: float

@@ -1,5 +1,6 @@
 """Smooth forces on cart, load and winch."""
 
+import itertools
 from typing import ClassVar
 
 import equinox as eqx
@@ -297,10 +298,11 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        sixths = [(i / 6 * scene.duration, (i + 1) / 6 * scene.duration) for i in range(6)]
+        times = [scene.begin + i / 6 * (scene.end - scene.begin) for i in range(7)]
+        always = (scene.begin, 2 * scene.end - scene.begin)
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
-            for start, stop in [(0.0, 2 * scene.duration), *sixths]
+            for start, stop in [always, *itertools.combinations(times, 2)]
         ]
 
 

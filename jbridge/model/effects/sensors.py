@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._types import Scalar
@@ -113,8 +114,8 @@ class MissedCounts(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # What happens in a recording's first or last moments is its start's or nobody's.
-        times = [(0.05 + 0.9 * i / (_TIMES - 1)) * scene.duration for i in range(_TIMES)]
-        return [Seed({"jump": 0.0, "time": time}, ("jump", "time"), linear=("jump",)) for time in times]
+        times = np.linspace(0.95 * scene.begin + 0.05 * scene.end, 0.05 * scene.begin + 0.95 * scene.end, _TIMES)
+        return [Seed({"jump": 0.0, "time": float(time)}, ("jump", "time"), linear=("jump",)) for time in times]
 
 
 class SensorDelay(AbstractEffect):
