@@ -4,7 +4,7 @@ import cmath
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +134,10 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
     if crowded:
         left = problem.residuals(among.space.engine, among.point)
         bridge = among.space.table.unravel(among.point.vector).bridge
+        sites = {own[0].site for own in crowded}
+        stretches = {site: _stretches(problem, left, bridge, site) for site in sites}
         for own in crowded:
-            explained = functools.partial(_regressed, problem, left, bridge=bridge)
+            explained = functools.partial(_regressed, stretches[own[0].site])
             order = np.argsort(-explained(own), kind="stable")
             out += [own[i] for i in order[:_MOST_STARTS]]
             out.append(_nearby(own[order[0]], own, explained))
@@ -160,21 +162,34 @@ def _nearby(
     return best
 
 
-def _regressed(
-    problem: Problem, left: Sequence[NDArray[np.float64]], own: Sequence[Candidate], bridge: Bridge
-) -> NDArray[np.float64]:
-    """Share of the longest screened windows' residuals that one effect's shapes explain, by start, beside another start
-    and a constant force.
+@dataclasses.dataclass(frozen=True)
+class _Stretch:
+    """The samples of one of the longest windows at which an axis was measured."""
+
+    axis: "_LinearAxis"
+    y: NDArray[np.float64]
+    """Readings [m, rad],"""
+    u: NDArray[np.float64]
+    """and the input of the axis' drive, where effects at the drive are looked for."""
+    taken: NDArray[np.float64]
+    """Orthonormal columns of what another start and a constant force would make up for."""
+    left: NDArray[np.float64]
+    """What the model leaves, over the noise, without that."""
+
+
+def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Bridge, site: str) -> list[_Stretch]:
+    """The longest screened windows as an effect at a site is seen in them.
 
     Args:
         problem: recordings.
         left: what the model leaves, by tiling.
-        own: places to start one effect from.
         bridge: the model's numbers.
+        site: of the effect.
     """
-    data = problem.data
-    k = AXES.index(AXIS_OF_SITE[own[0].site])
-    explained = np.zeros(len(own))
+    data, found = problem.data, []
+    name = AXIS_OF_SITE[site]
+    k = AXES.index(name)
+    numbers = {field.name: float(getattr(bridge, field.name)) for field in dataclasses.fields(bridge)}
     for tiling, residual in zip(data.tilings, left, strict=True):
         if tiling.horizon != data.horizons[-1]:
             continue
@@ -183,20 +198,28 @@ def _regressed(
             rows = np.flatnonzero(data.measured[tiling.recording, begin:stop, k]) + begin
             if len(rows) < 8:
                 continue
-            t, y = grid.recording.begun + grid.times[rows], data.y[tiling.recording, rows, k]
+            axis = _LinearAxis.of(name, numbers, grid.length, grid.recording.begun + grid.times[rows])
             u = np.zeros(len(rows))
-            if own[0].site.endswith("_drive"):
-                u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if AXES[k] == "x" else 1]
-            axis = _LinearAxis.of(AXES[k], bridge, grid.length, t)
-            s = np.stack([_shapes(c, axis, y, u) for c in own])
-            q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(t)))], axis=1))
-            r = residual[rows, k] - q @ (q.T @ residual[rows, k])
-            s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
-            s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
-            gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
-            right = s @ r
-            found = np.einsum("ki,ki->k", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
-            explained += found / max(float(r @ r), 1e-12)
+            if site.endswith("_drive"):
+                u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if name == "x" else 1]
+            q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(rows)))], axis=1))
+            r = residual[rows, k]
+            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r)))
+    return found
+
+
+def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArray[np.float64]:
+    """Share of what is left that one effect's shapes explain, summed over stretches, by place to start."""
+    explained = np.zeros(len(own))
+    for stretch in stretches:
+        q, r = stretch.taken, stretch.left
+        s = np.stack([_shapes(c, stretch.axis, stretch.y, stretch.u) for c in own])
+        s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
+        s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
+        gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
+        right = s @ r
+        found = np.einsum("ki,ki->k", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+        explained += found / max(float(r @ r), 1e-12)
     return explained
 
 
@@ -208,36 +231,34 @@ class _LinearAxis:
     """Sampling times [s]."""
     roots: tuple[complex, complex]
     """Of its characteristic equation [1/s]."""
+    growths: tuple[NDArray[np.complex128], NDArray[np.complex128]]
+    """What free motion falls by, with either root; no farther than numbers reach."""
 
     @classmethod
-    def of(cls, axis: str, bridge: Bridge, length: float, t: NDArray[np.float64]) -> "_LinearAxis":
-        """An axis of a bridge with its rope at some length [m]."""
+    def of(cls, axis: str, bridge: Mapping[str, float], length: float, t: NDArray[np.float64]) -> "_LinearAxis":
+        """An axis of a bridge, given by its numbers, with its rope at some length [m]."""
         damping, mass = {
-            "x": (bridge.cart_damping, bridge.cart_mass),
-            "psi": (bridge.swing_damping, bridge.load_mass * length**2),
-            "l": (bridge.hoist_damping, bridge.winch_mass + bridge.load_mass),
+            "x": (bridge["cart_damping"], bridge["cart_mass"]),
+            "psi": (bridge["swing_damping"], bridge["load_mass"] * length**2),
+            "l": (bridge["hoist_damping"], bridge["winch_mass"] + bridge["load_mass"]),
         }[axis]
         # Equal roots, as without damping, are parted by little: the formula of `response` divides by their distance.
-        half = max(0.5 * float(damping / mass), 1e-4)
-        stiffness = float(bridge.gravity) / length if axis == "psi" else 0.0
-        apart = cmath.sqrt(half**2 - stiffness)
-        return cls(t, (-half + apart, -half - apart))
+        half = max(0.5 * damping / mass, 1e-4)
+        apart = cmath.sqrt(half**2 - (bridge["gravity"] / length if axis == "psi" else 0.0))
+        roots, since = (-half + apart, -half - apart), t - t[0]
+        first, second = (np.exp(np.minimum(-r.real * since, 300.0) - 1j * r.imag * since) for r in roots)
+        return cls(t, roots, (first, second))
 
     def free_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """How it moves without a force, from two independent initial states."""
-        first, second = (1.0 / growth for growth in self._growths())
+        first, second = (1.0 / growth for growth in self.growths)
         return (first + second).real, ((first - second) / (self.roots[0] - self.roots[1])).real
 
     def response(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         """How it moves under a force, from rest, in any unit."""
         impulse = force * np.diff(self.t, prepend=self.t[0])
-        first, second = (np.cumsum(growth * impulse) / growth for growth in self._growths())
+        first, second = (np.cumsum(growth * impulse) / growth for growth in self.growths)
         return ((first - second) / (self.roots[0] - self.roots[1])).real
-
-    def _growths(self) -> list[NDArray[np.complex128]]:
-        """What free motion falls by, with either root; no farther than numbers reach."""
-        since = self.t - self.t[0]
-        return [np.exp(np.minimum(-r.real * since, 300.0) - 1j * r.imag * since) for r in self.roots]
 
 
 def _shapes(
@@ -279,10 +300,13 @@ def linear_optimum(
         away: a step that is made before, of all free parameters.
     """
     n = len(point.free)
-    turned = np.eye(n + 1)
-    turned[:n, n] = 0.0 if away is None else away
-    turned = turned[:, [*columns, n]]
-    products = np.einsum("ia,wcij,jb->wcab", turned, normal.products, turned, optimize=True)
+    products = normal.products
+    if away is not None:
+        turned = np.eye(n + 1)
+        turned[:n, n] = away
+        products = np.swapaxes(turned, 0, 1) @ products @ turned
+    chosen = np.array([*columns, n])
+    products = products[:, :, chosen[:, None], chosen]
     places = point.free[list(columns)]
     low, high = space.table.bounds()
     prior, vector = problem.likelihood.prior, point.vector.copy()
@@ -294,7 +318,7 @@ def linear_optimum(
     square, best = squares(problem, products, step), (step, math.inf)
     for _ in range(_LINEAR):
         weight = problem.likelihood.weights(square)
-        total = np.einsum("wc,wcij->ij", weight, products)
+        total = np.tensordot(weight, products, axes=2)
         precision, gradient = prior.terms(space.table, places, vector, np.diag(total)[:m])
         step = bounded_step(total[:m, :m] + precision, total[:m, m] + gradient, least, most, 1e-6)
         square = squares(problem, products, step)
