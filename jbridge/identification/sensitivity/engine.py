@@ -98,8 +98,8 @@ class Engine:
         jobs: simulations that are usually wanted at a time.
         given: number of effects, from the first, that all structures have; of the others a simulation computes those
             alone of which some number is free or not the plant's. By default all structures have all.
-        width: parameter columns of a call; simulations that want more have calls with the most, so that two programs
-            serve all. By default as many as are wanted at a time.
+        width: parameter columns of a call; simulations that want more have several, so that one program serves all. By
+            default as many as are wanted at a time.
         lanes: simulations of a call; by default as many as `jobs` ask for.
         """
         self.table = ParameterTable(plant)
@@ -109,7 +109,7 @@ class Engine:
         self.count = len(courses)
         # Enough for all processors, and mostly the same, so that programs serve other recordings as well.
         self.lanes = lanes or (_LANES if jobs > _LANES else max(1, math.ceil(jobs / _THREADS)))
-        self._width, self._wider = min(width, _WIDEST), width == 0
+        self._width, self._grows = min(width, _WIDEST), width == 0
         self._courses = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *courses)
         self.samples = self._courses.lane.dt.shape[1] + 1
         moving = np.array([np.any(flag) for flag in self._courses.lane.active])
@@ -150,34 +150,27 @@ class Engine:
                 for i, found in enumerate(self._differences(jobs[a : a + abreast]), a):
                     take(i, found)
             return
-        if self._wider:
-            most = max((len(job.free) for job in jobs), default=0)
+        most = max((len(job.free) for job in jobs), default=0)
+        if self._grows:
             self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)), 1)
-        for wide in (False, True):
-            width = _WIDEST if wide and not self._wider else self._width
-            own = [i for i, job in enumerate(jobs) if (len(job.free) > self._width) == wide]
-            most = max((len(jobs[i].free) for i in own), default=0)
-            abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
-            for first in range(0, len(own), abreast):
-                some = own[first : first + abreast]
-                together = [jobs[i] for i in some]
-                readings = self.predict(together)
+        abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
+        for first in range(0, len(jobs), abreast):
+            some = jobs[first : first + abreast]
+            readings = self.predict(some)
 
-                def complete(
-                    k: int,
-                    columns: tuple[NDArray[np.float64], ...],
-                    some: Sequence[int] = some,
-                    readings: Sequence[NDArray[np.float64]] = readings,
-                ) -> None:
-                    take(some[k], Sensitivity(readings[k], columns))
+            def complete(
+                k: int,
+                columns: tuple[NDArray[np.float64], ...],
+                first: int = first,
+                readings: Sequence[NDArray[np.float64]] = readings,
+            ) -> None:
+                take(first + k, Sensitivity(readings[k], columns))
 
-                self._tangents(together, width, complete)
+            self._tangents(some, complete)
 
-    def _tangents(
-        self, jobs: Sequence[Job], width: int, take: Callable[[int, tuple[NDArray[np.float64], ...]], None]
-    ) -> None:
-        """Columns of jobs that are in memory at the same time, from calls of so many parameter columns."""
-        parts = []
+    def _tangents(self, jobs: Sequence[Job], take: Callable[[int, tuple[NDArray[np.float64], ...]], None]) -> None:
+        """Columns of jobs that are in memory at the same time."""
+        parts, width = [], self._width
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), width)
             parts += [(i, job.free[a : a + width]) for a in edges]
