@@ -70,15 +70,18 @@ def added(
                 shown.setdefault(candidate.name, (value + price(candidate, start.free), start))
         ahead = sorted(shown, key=lambda name: shown[name][0])[: CRITERIA.refitted]
         chosen += [best[name] for name in ahead if all(candidate.name != name for _, candidate, _ in chosen)]
-        elsewhere = {name: start for name, (_, start) in shown.items()}
+        elsewhere = {name: shown[name][1] for name in ahead}
         short = min(low.solve(space.engine, [short.start, owner.start], 2 * TRIAL), key=lambda point: point.value)
     absent = [Start(candidate.set(space.table, there.vector), start.free, states) for _, candidate, start in chosen]
     # Tangents where all are absent are the same for all.
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
     begun = better_of(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
     if elsewhere:
-        far = [elsewhere.get(c.name, start) for (_, c, _), start in zip(chosen, begun, strict=True)]
-        begun = better_of(low, space, begun, [point.start for point in low.solve(space.engine, far, 2 * TRIAL)])
+        far = [k for k, (_, candidate, _) in enumerate(chosen) if candidate.name in elsewhere]
+        solved = low.solve(space.engine, [elsewhere[chosen[k][1].name] for k in far], 2 * TRIAL)
+        best_of = better_of(low, space, [begun[k] for k in far], [point.start for point in solved])
+        for k, start in zip(far, best_of, strict=True):
+            begun[k] = start
     *fitted, without = low.solve(space.engine, [*begun, short.start], TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)
