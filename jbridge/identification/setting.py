@@ -1,7 +1,7 @@
 """Preparation of an estimation: model and data are checked, and the parameters to be estimated selected."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -323,8 +323,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         low=low,
         high=high,
         speed=speed,
-        begin=min(r.begun for r in setting.recordings),
-        end=max(r.begun + r.duration for r in setting.recordings),
+        recorded=_union([(r.begun, r.begun + r.duration) for r in setting.recordings]),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,
         bridge={
@@ -337,3 +336,14 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         },
         friction=friction,
     )
+
+
+def _union(spans: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Spans as those that they cover together, in order."""
+    found: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if found and begin <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], end)
+        else:
+            found.append((begin, end))
+    return tuple(found)

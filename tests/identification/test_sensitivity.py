@@ -216,7 +216,6 @@ def test_long_recordings_are_taken_one_by_one(monkeypatch):
         calls.append(len(lanes.vectors))
         return tangents(table, lanes, *more)
 
-    monkeypatch.setattr(module, "_WIDEST", engine.width)
     for room in (module._CALL, 1):
         monkeypatch.setattr(module, "_CALL", room)
         monkeypatch.setattr(module, "_HELD", room)

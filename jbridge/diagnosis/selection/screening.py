@@ -3,6 +3,7 @@
 import cmath
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._types import AXES
+from ...identification.data.grid import Grid
 from ...identification.estimation import Problem
 from ...identification.setting import axis_of_number
 from ...identification.solver import Normal, Point, Start, bounded_step, moved_states
@@ -26,8 +28,10 @@ _MOST_STARTS = 3
 _HALVINGS = 12
 """Times that the distance between places to start is halved, about the best of them."""
 _COLUMNS = 12
-"""Parameter columns of a call that most models need no more than, always the same, so that few programs serve a whole
+"""Parameter columns of a call, which most models need no more than; always the same, so that one program serves a whole
 search."""
+_GROWTH = 300.0
+"""Logarithm of numbers whose square is far from the largest ones."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 
@@ -123,8 +127,8 @@ def _as_wave(table: ParameterTable, candidate: Candidate, at: NDArray[np.float64
 
 def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left, and
-    the one near the best of them at which it explains most: the time of a step has a gradient only within one sample of
-    the true one.
+    the one near them at which it explains most: the time of a step has a gradient only within one sample of the true
+    one.
     """
     many: dict[Name, list[Candidate]] = {}
     for candidate in shared:
@@ -138,16 +142,23 @@ def _thinned(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
         stretches = {site: _stretches(problem, left, bridge, site) for site in sites}
         for own in crowded:
             explained = functools.partial(_regressed, stretches[own[0].site])
-            order = np.argsort(-explained(own), kind="stable")
-            out += [own[i] for i in order[:_MOST_STARTS]]
-            out.append(_nearby(own[order[0]], own, explained))
+            shares = explained(own)
+            # Two places may be one and the same, as a push and the pause after it are.
+            _, first = np.unique(np.round(-shares, 9), return_index=True)
+            best = [(float(shares[i]), own[i]) for i in first[:_MOST_STARTS]]
+            near = max((_nearby(*place, own, explained) for place in best), key=lambda place: place[0])
+            out += [candidate for _, candidate in best]
+            out += [near[1]] if near[0] > best[0][0] else []
     return out
 
 
 def _nearby(
-    best: Candidate, own: Sequence[Candidate], explained: Callable[[Sequence[Candidate]], NDArray[np.float64]]
-) -> Candidate:
-    """The place to start near the best one that explains most, by bisection of each number that tells them apart."""
+    most: float,
+    best: Candidate,
+    own: Sequence[Candidate],
+    explained: Callable[[Sequence[Candidate]], NDArray[np.float64]],
+) -> tuple[float, Candidate]:
+    """The place to start near one of them that explains most, by bisection of each number that tells them apart."""
     reach = {}
     for key, value in best.values.items():
         if isinstance(value, float):
@@ -156,10 +167,12 @@ def _nearby(
                 reach[key] = float(apart[apart > 0.0].min())
     for halving in range(1, _HALVINGS + 1):
         for key, distance in reach.items():
-            values = [best.values[key] + way * 0.5**halving * distance for way in (0.0, -1.0, 1.0)]
+            values = [best.values[key] + way * 0.5**halving * distance for way in (-1.0, 1.0)]
             tried = [dataclasses.replace(best, values={**best.values, key: value}) for value in values]
-            best = tried[int(np.argmax(explained(tried)))]
-    return best
+            shares = explained(tried)
+            if shares.max() > most:
+                most, best = float(shares.max()), tried[int(np.argmax(shares))]
+    return most, best
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,11 +207,12 @@ def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Br
         if tiling.horizon != data.horizons[-1]:
             continue
         grid = data.grids[tiling.recording]
+        own = {key: grid.recording.override.get(key, value) for key, value in numbers.items()}
         for begin, stop in zip(tiling.begins, tiling.stops, strict=True):
             rows = np.flatnonzero(data.measured[tiling.recording, begin:stop, k]) + begin
             if len(rows) < 8:
                 continue
-            axis = _LinearAxis.of(name, numbers, grid.length, grid.recording.begun + grid.times[rows])
+            axis = _LinearAxis.of(name, own, grid, grid.recording.begun + grid.times[rows])
             u = np.zeros(len(rows))
             if site.endswith("_drive"):
                 u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if name == "x" else 1]
@@ -225,40 +239,58 @@ def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArr
 
 @dataclasses.dataclass(frozen=True)
 class _LinearAxis:
-    """An axis as a mass with viscous damping, on a spring where it swings."""
+    """An axis as a mass with viscous damping, on a spring where it swings; the rope has its mean length."""
 
     t: NDArray[np.float64]
     """Sampling times [s]."""
     roots: tuple[complex, complex]
     """Of its characteristic equation [1/s]."""
-    growths: tuple[NDArray[np.complex128], NDArray[np.complex128]]
-    """What free motion falls by, with either root; no farther than numbers reach."""
 
     @classmethod
-    def of(cls, axis: str, bridge: Mapping[str, float], length: float, t: NDArray[np.float64]) -> "_LinearAxis":
-        """An axis of a bridge, given by its numbers, with its rope at some length [m]."""
+    def of(cls, axis: str, bridge: Mapping[str, float], grid: Grid, t: NDArray[np.float64]) -> "_LinearAxis":
+        """An axis of a bridge, given by its numbers, in a recording."""
+        length = grid.length
         damping, mass = {
             "x": (bridge["cart_damping"], bridge["cart_mass"]),
             "psi": (bridge["swing_damping"], bridge["load_mass"] * length**2),
             "l": (bridge["hoist_damping"], bridge["winch_mass"] + bridge["load_mass"]),
         }[axis]
-        # Equal roots, as without damping, are parted by little: the formula of `response` divides by their distance.
-        half = max(0.5 * damping / mass, 1e-4)
-        apart = cmath.sqrt(half**2 - (bridge["gravity"] / length if axis == "psi" else 0.0))
-        roots, since = (-half + apart, -half - apart), t - t[0]
-        first, second = (np.exp(np.minimum(-r.real * since, 300.0) - 1j * r.imag * since) for r in roots)
-        return cls(t, roots, (first, second))
+        half, stiffness = 0.5 * damping / mass, 0.0
+        if axis == "psi":
+            stiffness = bridge["gravity"] / length
+            if grid.recording.has_cart:
+                # A cart that its damping does not hold is swung by its load.
+                held = (bridge["cart_damping"] / bridge["cart_mass"]) ** 2 / stiffness
+                stiffness *= 1.0 + bridge["load_mass"] / bridge["cart_mass"] / (1.0 + held)
+        apart = cmath.sqrt(half**2 - stiffness)
+        # The formulas divide by the distance of the roots.
+        apart = apart if abs(apart) > 1e-4 else complex(1e-4)
+        return cls(t, (-half + apart, -half - apart))
 
     def free_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """How it moves without a force, from two independent initial states."""
-        first, second = (1.0 / growth for growth in self.growths)
+        first, second = (np.exp(root * (self.t - self.t[0])) for root in self.roots)
         return (first + second).real, ((first - second) / (self.roots[0] - self.roots[1])).real
 
     def response(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How it moves under a force, from rest, in any unit."""
-        impulse = force * np.diff(self.t, prepend=self.t[0])
-        first, second = (np.cumsum(growth * impulse) / growth for growth in self.growths)
+        """How it moves under a force that is held from sample to sample, from rest, in any unit."""
+        first, second = (_followed(root, self.t, force) for root in self.roots)
         return ((first - second) / (self.roots[0] - self.roots[1])).real
+
+
+def _followed(root: complex, t: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Solution of `y' = root y + force` from 0, of a force that is held from sample to sample."""
+    z = root * np.diff(t)
+    small = np.abs(z) < 1e-6
+    gained = np.diff(t) * force[:-1] * np.where(small, 1.0 + 0.5 * z, np.expm1(z) / np.where(small, 1.0, z))
+    out = np.zeros(len(t), complex)
+    # A sum of what has grown since is exact as long as numbers reach.
+    ends = np.flatnonzero(np.diff(np.floor(-root.real * (t - t[0]) / _GROWTH))) + 1
+    for a, b in itertools.pairwise([0, *ends, len(t) - 1]):
+        since = t[a + 1 : b + 1] - t[a]
+        fade = np.exp(np.maximum(root.real * since, -2.0 * _GROWTH) + 1j * root.imag * since)
+        out[a + 1 : b + 1] = fade * (out[a] + np.cumsum(gained[a:b] / fade))
+    return out
 
 
 def _shapes(

@@ -68,10 +68,8 @@ class Scene(eqx.Module):
     high: Mapping[str, float]
     speed: Mapping[str, float]
     """A high quantile (95 %) of the speed of each axis [m/s, rad/s]."""
-    begin: float
-    """When the first recording begins, in time since the beginning of its run [s],"""
-    end: float
-    """and when the last one ends."""
+    recorded: tuple[tuple[float, float], ...]
+    """Beginnings and ends of the stretches of time that recordings cover, in order, since a run began [s]."""
     period: float
     """Median sampling period [s]."""
     length: float
@@ -83,6 +81,13 @@ class Scene(eqx.Module):
 
     def span(self, name: str) -> float:
         return self.high[name] - self.low[name]
+
+    def moment(self, share: float) -> float:
+        """When this share of the recorded time has passed [s]."""
+        edges = np.array(self.recorded)
+        passed = np.concatenate([[0.0], np.cumsum(edges[:, 1] - edges[:, 0])])
+        k = min(int(np.searchsorted(passed, share * passed[-1], side="right")) - 1, len(edges) - 1)
+        return float(edges[k, 0] + share * passed[-1] - passed[k])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,7 +166,7 @@ class AbstractFriction(AbstractEffect):
         """Largest friction against positive and against negative motion, both >= 0 [N, N m].
 
         Args:
-            t: time from the recording's start [s].
+            t: time since the run began [s].
             q: the axis' coordinate [m, rad].
             v: its velocity [m/s, rad/s].
             load: force of the axis' drive, at the swing the pull on its pivot [N].
@@ -216,7 +221,7 @@ class AbstractDrive(AbstractEffect):
 
     @abc.abstractmethod
     def apply(self, t: Float[Array, "*time"], u: Float[Array, "*time"]) -> Float[Array, "*time"]:
-        """Input in, input out, each in the input's unit, at times [s] from the recording's start."""
+        """Input in, input out, each in the input's unit, at times [s] since the run began."""
 
 
 class AbstractSensor(AbstractEffect):

@@ -298,11 +298,12 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        times = [scene.begin + i / 6 * (scene.end - scene.begin) for i in range(7)]
-        always = (scene.begin, 2 * scene.end - scene.begin)
+        sixths = [scene.moment(i / 6) for i in range(7)]
+        # One that lasts throughout is a constant force.
+        spans = [span for span in itertools.combinations(sixths, 2) if span != (sixths[0], sixths[-1])]
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
-            for start, stop in [always, *itertools.combinations(times, 2)]
+            for start, stop in spans
         ]
 
 

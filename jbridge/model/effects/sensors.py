@@ -4,7 +4,6 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..._types import Scalar
@@ -93,7 +92,7 @@ class SensorEccentricity(AbstractSensor):
 
 
 class MissedCounts(AbstractSensor):
-    """The reading steps once by `jump`, at `time` from the recording's start."""
+    """The reading steps once by `jump`, at `time` since its run began."""
 
     kind: ClassVar[str] = "missed_counts"
     sites: ClassVar[tuple[str, ...]] = _SENSORS
@@ -114,8 +113,8 @@ class MissedCounts(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # What happens in a recording's first or last moments is its start's or nobody's.
-        times = np.linspace(0.95 * scene.begin + 0.05 * scene.end, 0.05 * scene.begin + 0.95 * scene.end, _TIMES)
-        return [Seed({"jump": 0.0, "time": float(time)}, ("jump", "time"), linear=("jump",)) for time in times]
+        times = [scene.moment(0.05 + 0.9 * i / (_TIMES - 1)) for i in range(_TIMES)]
+        return [Seed({"jump": 0.0, "time": time}, ("jump", "time"), linear=("jump",)) for time in times]
 
 
 class SensorDelay(AbstractEffect):
