@@ -1,11 +1,9 @@
 """The linear screen: where a search for an effect starts."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.selection.screening import AmongAll, _followed, screened
+from jbridge.diagnosis.selection.screening import AmongAll, screened
 from jbridge.diagnosis.structures.space import make_space, proposals
 from jbridge.identification.data.windows import WHOLE, make_data
 from jbridge.identification.estimation import fit_structure, make_problem
@@ -49,29 +47,3 @@ def test_a_push_on_the_load_is_looked_for_as_what_a_pendulum_makes_of_it():
     begun = begun_nearest(make_plant(), run, "wind", "swing")
     assert begun["start"] == pytest.approx(push["start"], abs=0.05)
     assert begun["stop"] == pytest.approx(push["stop"], abs=0.05)
-
-
-@pytest.mark.parametrize("root", [-103.0, -8.2, 0.0, -0.02 + 3.7j])
-def test_a_linear_axis_follows_a_held_force(root):
-    """However strongly it is damped, and over a gap: each sample from the one before, in closed form."""
-    t = np.delete(np.arange(4000) * PERIOD, slice(1500, 2200))
-    force = np.sin(3.0 * t)
-    expected = np.zeros(len(t), complex)
-    for k, dt in enumerate(np.diff(t)):
-        gained = dt if root == 0.0 else (np.exp(root * dt) - 1.0) / root
-        expected[k + 1] = np.exp(root * dt) * expected[k] + gained * force[k]
-    found = _followed(complex(root), t, force)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
-
-
-def test_events_are_looked_for_where_something_was_recorded():
-    """Two pieces of a long run, with minutes between them."""
-    inputs = np.stack([steps(200, 1), np.zeros(200)], axis=1)
-    plant = make_plant(DRY)
-    pieces = [
-        dataclasses.replace(play(plant, inputs, active=CART_ALONE, start={"x": 0.6}), begun=begun)
-        for begun in (5.0, 600.0)
-    ]
-    setting = make_setting(Model(plant, frozenset({"cart_mass"}), frozenset(NUMBERS), {}, ""), pieces, [])
-    times = [c.values["time"] for c in proposals(setting, plant, frozenset({"cart_mass"})) if c.kind == "missed_counts"]
-    assert sum(5.0 < time < 7.0 for time in times) == sum(600.0 < time < 602.0 for time in times) == len(times) / 2

@@ -1,0 +1,220 @@
+"""Where to begin looking for an effect that may be anywhere: a push at any time, a wave of any period.
+
+What an effect adds to a reading is compared with what a model leaves, on an axis that is taken as linear.
+"""
+
+import cmath
+import dataclasses
+import functools
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._types import AXES
+from ...identification.data.grid import Grid
+from ...identification.estimation import Problem
+from ...model.bridge import Bridge
+from ...model.effects.base import AXIS_OF_SITE
+from ..structures.candidates import Candidate
+from ..structures.space import Name
+
+_MOST_STARTS = 3
+"""Places to start one effect from that are kept, beside one that bisection finds."""
+_HALVINGS = 12
+"""Times that the distance between places to start is halved, about the best of them."""
+_GROWTH = 300.0
+"""Logarithm of numbers whose square is far from the largest ones."""
+
+
+def promising(
+    problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Bridge, every: Sequence[Candidate]
+) -> list[Candidate]:
+    """Of effects with many places to start, those few at which a plain regression explains most of what is left, and
+    the one near them at which it explains most: the time of a step has a gradient only within one sample of the true
+    one. The others as they are.
+
+    Args:
+        problem: recordings.
+        left: what the model leaves, over the noise, by tiling.
+        bridge: the model's numbers.
+        every: all places to start, of all effects.
+    """
+    many: dict[Name, list[Candidate]] = {}
+    for candidate in every:
+        many.setdefault(candidate.name, []).append(candidate)
+    out = [c for own in many.values() if len(own) <= _MOST_STARTS for c in own]
+    crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
+    stretches = {site: _stretches(problem, left, bridge, site) for site in {own[0].site for own in crowded}}
+    for own in crowded:
+        explained = functools.partial(_regressed, stretches[own[0].site])
+        shares = explained(own)
+        # Two places may be one and the same, as a push and the pause after it are.
+        _, first = np.unique(np.round(-shares, 9), return_index=True)
+        best = [(float(shares[i]), own[i]) for i in first[:_MOST_STARTS]]
+        near = max((_nearby(*place, own, explained) for place in best), key=lambda place: place[0])
+        out += [candidate for _, candidate in best]
+        out += [near[1]] if near[0] > best[0][0] else []
+    return out
+
+
+def _nearby(
+    most: float,
+    best: Candidate,
+    own: Sequence[Candidate],
+    explained: Callable[[Sequence[Candidate]], NDArray[np.float64]],
+) -> tuple[float, Candidate]:
+    """The place to start near one of them that explains most, by bisection of each number that tells them apart."""
+    reach = {}
+    for key, value in best.values.items():
+        if isinstance(value, float):
+            apart = np.abs([float(other.values[key]) - value for other in own])
+            if np.any(apart > 0.0):
+                reach[key] = float(apart[apart > 0.0].min())
+    for halving in range(1, _HALVINGS + 1):
+        for key, distance in reach.items():
+            values = [best.values[key] + way * 0.5**halving * distance for way in (-1.0, 1.0)]
+            tried = [dataclasses.replace(best, values={**best.values, key: value}) for value in values]
+            shares = explained(tried)
+            if shares.max() > most:
+                most, best = float(shares.max()), tried[int(np.argmax(shares))]
+    return most, best
+
+
+@dataclasses.dataclass(frozen=True)
+class _Stretch:
+    """The samples of one of the longest windows at which an axis was measured."""
+
+    axis: "_LinearAxis"
+    y: NDArray[np.float64]
+    """Readings [m, rad],"""
+    u: NDArray[np.float64]
+    """and the input of the axis' drive, where effects at the drive are looked for."""
+    taken: NDArray[np.float64]
+    """Orthonormal columns of what another start and a constant force would make up for."""
+    left: NDArray[np.float64]
+    """What the model leaves, over the noise, without that."""
+
+
+def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Bridge, site: str) -> list[_Stretch]:
+    """The longest screened windows as an effect at a site is seen in them.
+
+    Args:
+        problem: recordings.
+        left: what the model leaves, by tiling.
+        bridge: the model's numbers.
+        site: of the effect.
+    """
+    data, found = problem.data, []
+    name = AXIS_OF_SITE[site]
+    k = AXES.index(name)
+    numbers = {field.name: float(getattr(bridge, field.name)) for field in dataclasses.fields(bridge)}
+    for tiling, residual in zip(data.tilings, left, strict=True):
+        if tiling.horizon != data.horizons[-1]:
+            continue
+        grid = data.grids[tiling.recording]
+        own = {key: grid.recording.override.get(key, value) for key, value in numbers.items()}
+        for begin, stop in zip(tiling.begins, tiling.stops, strict=True):
+            rows = np.flatnonzero(data.measured[tiling.recording, begin:stop, k]) + begin
+            if len(rows) < 8:
+                continue
+            axis = _LinearAxis.of(name, own, grid, grid.recording.begun + grid.times[rows])
+            u = np.zeros(len(rows))
+            if site.endswith("_drive"):
+                u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if name == "x" else 1]
+            q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(rows)))], axis=1))
+            r = residual[rows, k]
+            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r)))
+    return found
+
+
+def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArray[np.float64]:
+    """Share of what is left that one effect's shapes explain, summed over stretches, by place to start."""
+    explained = np.zeros(len(own))
+    for stretch in stretches:
+        q, r = stretch.taken, stretch.left
+        s = np.stack([_shapes(c, stretch.axis, stretch.y, stretch.u) for c in own])
+        s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
+        s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
+        gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
+        right = s @ r
+        found = np.einsum("ki,ki->k", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+        explained += found / max(float(r @ r), 1e-12)
+    return explained
+
+
+@dataclasses.dataclass(frozen=True)
+class _LinearAxis:
+    """An axis as a mass with viscous damping, on a spring where it swings; the rope has its mean length."""
+
+    t: NDArray[np.float64]
+    """Sampling times [s]."""
+    roots: tuple[complex, complex]
+    """Of its characteristic equation [1/s]."""
+
+    @classmethod
+    def of(cls, axis: str, bridge: Mapping[str, float], grid: Grid, t: NDArray[np.float64]) -> "_LinearAxis":
+        """An axis of a bridge, given by its numbers, in a recording."""
+        length = grid.length
+        damping, mass = {
+            "x": (bridge["cart_damping"], bridge["cart_mass"]),
+            "psi": (bridge["swing_damping"], bridge["load_mass"] * length**2),
+            "l": (bridge["hoist_damping"], bridge["winch_mass"] + bridge["load_mass"]),
+        }[axis]
+        half, stiffness = 0.5 * damping / mass, 0.0
+        if axis == "psi":
+            stiffness = bridge["gravity"] / length
+            if grid.recording.has_cart:
+                # A cart that its damping does not hold is swung by its load.
+                held = (bridge["cart_damping"] / bridge["cart_mass"]) ** 2 / stiffness
+                stiffness *= 1.0 + bridge["load_mass"] / bridge["cart_mass"] / (1.0 + held)
+        apart = cmath.sqrt(half**2 - stiffness)
+        # The formulas divide by the distance of the roots.
+        apart = apart if abs(apart) > 1e-4 else complex(1e-4)
+        return cls(t, (-half + apart, -half - apart))
+
+    def free_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How it moves without a force, from two independent initial states."""
+        first, second = (np.exp(root * (self.t - self.t[0])) for root in self.roots)
+        return (first + second).real, ((first - second) / (self.roots[0] - self.roots[1])).real
+
+    def response(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How it moves under a force that is held from sample to sample, from rest, in any unit."""
+        first, second = (_followed(root, self.t, force) for root in self.roots)
+        return ((first - second) / (self.roots[0] - self.roots[1])).real
+
+
+def _followed(root: complex, t: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Solution of `y' = root y + force` from 0, of a force that is held from sample to sample."""
+    z = root * np.diff(t)
+    small = np.abs(z) < 1e-6
+    gained = np.diff(t) * force[:-1] * np.where(small, 1.0 + 0.5 * z, np.expm1(z) / np.where(small, 1.0, z))
+    out = np.zeros(len(t), complex)
+    # A sum of what has grown since is exact as long as numbers reach.
+    ends = np.flatnonzero(np.diff(np.floor(-root.real * (t - t[0]) / _GROWTH))) + 1
+    for a, b in itertools.pairwise([0, *ends, len(t) - 1]):
+        since = t[a + 1 : b + 1] - t[a]
+        fade = np.exp(np.maximum(root.real * since, -2.0 * _GROWTH) + 1j * root.imag * since)
+        out[a + 1 : b + 1] = fade * (out[a] + np.cumsum(gained[a:b] / fade))
+    return out
+
+
+def _shapes(
+    candidate: Candidate, axis: _LinearAxis, y: NDArray[np.float64], u: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What an effect adds to a reading, in any unit, `(shape, sample)`; `u` is the input of its drive."""
+    values, t = candidate.values, axis.t
+    if "time" in values:
+        return (t >= float(values["time"])).astype(float)[None]
+    if "start" in values:
+        push = ((t >= float(values["start"])) & (t < float(values["stop"]))).astype(float)
+        return axis.response(push)[None]
+    if "end" in values:
+        beyond = y - float(values["position"])
+        return axis.response(np.maximum(beyond if values["end"] == "high" else -beyond, 0.0))[None]
+    angle = 2 * np.pi * y / float(values["period"])
+    shapes = np.stack([np.sin(angle), np.cos(angle)])
+    if candidate.site.endswith("_drive"):
+        shapes = shapes * u
+    return shapes if candidate.site.endswith("sensor") else np.stack([axis.response(s) for s in shapes])
