@@ -299,8 +299,8 @@ class Wind(AbstractForce):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         sixths = [scene.moment(i / 6) for i in range(7)]
-        # One that lasts throughout is a constant force.
-        spans = [span for span in itertools.combinations(sixths, 2) if span != (sixths[0], sixths[-1])]
+        # The longest first, but for the one that lasts throughout, which is a constant force.
+        spans = sorted(itertools.combinations(sixths, 2), key=lambda span: span[0] - span[1])[1:]
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
             for start, stop in spans
