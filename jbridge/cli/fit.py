@@ -25,8 +25,8 @@ def add(commands: Commands) -> None:
         "--window",
         metavar="SECONDS",
         type=float,
-        help="fit windows of this length, each from an initial state of its own, where simulations of whole recordings"
-        " diverge from small errors",
+        help="fit windows of this length alone, in place of 0.3, 1 and 3 s and whole recordings, where free runs"
+        " amplify small errors",
     )
     fit.add_argument("--force", action="store_true", help=FORCE)
 
