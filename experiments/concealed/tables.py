@@ -282,7 +282,7 @@ def cases(rows: list[dict]) -> str:
         "Shares come with counts and 95 % Wilson intervals.",
         "",
         "Equivalents are what recordings cannot distinguish, declared beforehand: a constant force and Coulomb",
-        "friction are friction by direction. Errors are those of free runs of whole recordings over the noise, as a root mean",
+        "friction are friction by direction. Errors are those of free runs of whole recordings over the noise, root mean",
         "square over channels; verdicts go by windows of 1 s, so that an error may rise beside a right name.",
         "Redrawn by `run.py --figures`; do not edit.",
         "",
