@@ -49,8 +49,8 @@ def limit_sentence(key: str, limit: float | None, unit: str, change: float | Non
     """
     if limit is None or change is None:
         return (
-            "Could not have been seen in these recordings: nothing in them calls it up, or the model's other numbers "
-            "take up all that it does."
+            "Could not have been seen: nothing in these recordings excites it, or the model's other parameters absorb "
+            "all that it does."
         )
     matters = "may matter" if notable else "is practically nothing"
     off = f"a simulation without it is off by at most {_times(change)} times the noise"
@@ -101,7 +101,7 @@ def verdict_sentence(
     Args:
         verdict: `adequate`, `missing_physics`, `unknown`, or None where the search was interrupted.
         effects: what was named.
-        explained: share of the hold-out's error that confirmed ones close, by channel in which there is any.
+        explained: share of the hold-out's error that confirmed ones explain, by channel in which there is any.
         worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
             [s].
         remains: that error with its unit, and that of the hold-out where it is smaller.
@@ -111,7 +111,7 @@ def verdict_sentence(
     ratio, axis, horizon = worst
     where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
     left = f"{remains} in the {quantity_name(axis)} {where}, is {_times(ratio)} times what noise explains"
-    late = " The time was over before the search had ended: give it more with --budget." if stopped == "budget" else ""
+    late = " The budget ended before the search did: give it more with --budget." if stopped == "budget" else ""
     if verdict is None:
         named = listed([e for e in effects])
         return f"The search was interrupted{f' after it had found {named}' if named else ''}; the hold-out is unseen."

@@ -160,12 +160,12 @@ def _status(effect: NamedEffect) -> str:
         "" if effect.explained is None else f" Without it {percent(effect.explained)} of the error at 1 s comes back."
     )
     if effect.status == "confirmed":
-        return f"Confirmed: the hold-out is met worse without it, by more than two standard errors.{share}"
+        return f"Confirmed: without it the hold-out is worse by more than two standard errors.{share}"
     if effect.status == "event":
         return "An event: it happened once, in these recordings alone, and the model file leaves it out."
     if not effect.in_model:
-        return "Suggested: the recordings ask for it, but the hold-out is met better without it, as the model file is."
-    return f"Suggested: the recordings ask for it, and the hold-out does not decide.{share}"
+        return "Suggested: the training recordings ask for it, but the hold-out is better without it, and the model file lacks it."
+    return f"Suggested: the training recordings ask for it, and the hold-out does not decide.{share}"
 
 
 def _rivals(effect: NamedEffect, diagnosis: Diagnosis) -> Table:
