@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.selection.starting_points import _followed
+from jbridge.diagnosis.selection.starting_points import _Mode
 from jbridge.diagnosis.structures.space import proposals
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
@@ -22,7 +22,7 @@ def test_a_linear_axis_follows_a_held_force(root):
     for k, dt in enumerate(np.diff(t)):
         gained = dt if root == 0.0 else (np.exp(root * dt) - 1.0) / root
         expected[k + 1] = np.exp(root * dt) * expected[k] + gained * force[k]
-    found = _followed(complex(root), t, force)
+    found = _Mode.of(complex(root), t).followed(force)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
 
 

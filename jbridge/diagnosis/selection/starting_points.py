@@ -135,7 +135,7 @@ def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArr
     for stretch in stretches:
         q, r = stretch.taken, stretch.left
         s = np.stack([_shapes(c, stretch.axis, stretch.y, stretch.u) for c in own])
-        s = s - np.swapaxes(q @ (q.T @ np.swapaxes(s, 1, 2)), 1, 2)
+        s = s - (s @ q) @ q.T
         s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
         gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
         right = s @ r
@@ -152,6 +152,8 @@ class _LinearAxis:
     """Sampling times [s]."""
     roots: tuple[complex, complex]
     """Of its characteristic equation [1/s]."""
+    modes: tuple["_Mode", "_Mode"]
+    """Its motion in either, at these times."""
 
     @classmethod
     def of(cls, axis: str, bridge: Mapping[str, float], grid: Grid, t: NDArray[np.float64]) -> "_LinearAxis":
@@ -172,7 +174,8 @@ class _LinearAxis:
         apart = cmath.sqrt(half**2 - stiffness)
         # The formulas divide by the distance of the roots.
         apart = apart if abs(apart) > 1e-4 else complex(1e-4)
-        return cls(t, (-half + apart, -half - apart))
+        roots = -half + apart, -half - apart
+        return cls(t, roots, (_Mode.of(roots[0], t), _Mode.of(roots[1], t)))
 
     def free_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """How it moves without a force, from two independent initial states."""
@@ -181,23 +184,38 @@ class _LinearAxis:
 
     def response(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         """How it moves under a force that is held from sample to sample, from rest, in any unit."""
-        first, second = (_followed(root, self.t, force) for root in self.roots)
+        first, second = (mode.followed(force) for mode in self.modes)
         return ((first - second) / (self.roots[0] - self.roots[1])).real
 
 
-def _followed(root: complex, t: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Solution of `y' = root y + force` from 0, of a force that is held from sample to sample."""
-    z = root * np.diff(t)
-    small = np.abs(z) < 1e-6
-    gained = np.diff(t) * force[:-1] * np.where(small, 1.0 + 0.5 * z, np.expm1(z) / np.where(small, 1.0, z))
-    out = np.zeros(len(t), complex)
-    # A sum of what has grown since is exact as long as numbers reach.
-    ends = np.flatnonzero(np.diff(np.floor(-root.real * (t - t[0]) / _GROWTH))) + 1
-    for a, b in itertools.pairwise([0, *ends, len(t) - 1]):
-        since = t[a + 1 : b + 1] - t[a]
-        fade = np.exp(np.maximum(root.real * since, -2.0 * _GROWTH) + 1j * root.imag * since)
-        out[a + 1 : b + 1] = fade * (out[a] + np.cumsum(gained[a:b] / fade))
-    return out
+@dataclasses.dataclass(frozen=True)
+class _Mode:
+    """The solution of `y' = root y + force` from 0, of a force that is held from sample to sample."""
+
+    gains: NDArray[np.complex128]
+    """What a force of one adds from one sample to the next."""
+    blocks: tuple[tuple[int, int, NDArray[np.complex128]], ...]
+    """Samples between which a sum of what has grown since is exact, and what the later ones keep of the first."""
+
+    @classmethod
+    def of(cls, root: complex, t: NDArray[np.float64]) -> "_Mode":
+        """A mode at sampling times [s]."""
+        z = root * np.diff(t)
+        small = np.abs(z) < 1e-6
+        gains = np.diff(t) * np.where(small, 1.0 + 0.5 * z, np.expm1(z) / np.where(small, 1.0, z))
+        ends = np.flatnonzero(np.diff(np.floor(-root.real * (t - t[0]) / _GROWTH))) + 1
+        blocks = []
+        for a, b in itertools.pairwise([0, *(int(end) for end in ends), len(t) - 1]):
+            since = t[a + 1 : b + 1] - t[a]
+            blocks.append((a, b, np.exp(np.maximum(root.real * since, -2.0 * _GROWTH) + 1j * root.imag * since)))
+        return cls(np.asarray(gains, np.complex128), tuple(blocks))
+
+    def followed(self, force: NDArray[np.float64]) -> NDArray[np.complex128]:
+        gained = self.gains * force[:-1]
+        out = np.zeros(len(force), complex)
+        for a, b, fade in self.blocks:
+            out[a + 1 : b + 1] = fade * (out[a] + np.cumsum(gained[a:b] / fade))
+        return out
 
 
 def _shapes(
