@@ -77,11 +77,10 @@ def added(
     linear = {c.name: s for _, c, s in screened(low, AmongAll(space, short), [c for _, c, _ in chosen])}
     begun = better_of(low, space, absent, [linear[candidate.name] for _, candidate, _ in chosen])
     if elsewhere:
-        far = [k for k, (_, candidate, _) in enumerate(chosen) if candidate.name in elsewhere]
-        solved = low.solve(space.engine, [elsewhere[chosen[k][1].name] for k in far], 2 * TRIAL)
-        best_of = better_of(low, space, [begun[k] for k in far], [point.start for point in solved])
-        for k, start in zip(far, best_of, strict=True):
-            begun[k] = start
+        solved = low.solve(space.engine, list(elsewhere.values()), 2 * TRIAL)
+        far = {name: point.start for name, point in zip(elsewhere, solved, strict=True)}
+        from_far = [far.get(c.name, start) for (_, c, _), start in zip(chosen, begun, strict=True)]
+        begun = better_of(low, space, begun, from_far)
     *fitted, without = low.solve(space.engine, [*begun, short.start], TRIAL - 1)
     after = [Start(p.vector, p.free, part.states_with(there.states, low, p.states)) for p in fitted]
     points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)

@@ -23,7 +23,7 @@ from ..structures.space import Name
 _MOST_STARTS = 3
 """Places to start one effect from that are kept, beside one that bisection finds."""
 _HALVINGS = 12
-"""Times that the distance between places to start is halved, about the best of them."""
+"""Times that the distance between places to start is halved, about each of these."""
 _GROWTH = 300.0
 """Logarithm of numbers whose square is far from the largest ones."""
 
