@@ -253,12 +253,15 @@ def interpolate(knots: Float[Array, " knot"], values: Float[Array, " knot"], q: 
     return value
 
 
-def waves(span: float, least: int, count: int) -> list[Seed]:
+_REPEATED = 4
+"""Half waves that recordings cover at least of what is said to repeat: one wave alone is like any other smooth law."""
+
+
+def waves(span: float, count: int) -> list[Seed]:
     """Seeds of a wave along an axis: with half a wave more on the span it is another one, and hides from the next.
 
     Args:
         span: of the axis that recordings cover [m, rad].
-        least: half waves on it at least.
         count: number of seeds.
     """
     return [
@@ -267,7 +270,7 @@ def waves(span: float, least: int, count: int) -> list[Seed]:
             ("amplitude", "period", "phase"),
             linear=("amplitude", "phase"),
         )
-        for halves in range(least, least + count)
+        for halves in range(_REPEATED, _REPEATED + count)
     ]
 
 

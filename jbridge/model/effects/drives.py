@@ -328,4 +328,4 @@ class TorqueRipple(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        return waves(max(scene.span(AXIS_OF_SITE[site]), 1e-2), 3, 40)
+        return waves(max(scene.span(AXIS_OF_SITE[site]), 1e-2), 40)

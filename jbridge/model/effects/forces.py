@@ -213,7 +213,7 @@ class PeriodicForce(AbstractForce):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         span = max(scene.span("x"), 1e-2)
-        return waves(span, 3, 80)
+        return waves(span, 80)
 
 
 class EndStop(AbstractForce):

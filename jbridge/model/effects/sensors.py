@@ -88,7 +88,7 @@ class SensorEccentricity(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         span = max(scene.span(AXIS_OF_SITE[site]), 1e-2)
-        return waves(span, 2, 60)
+        return waves(span, 60)
 
 
 class MissedCounts(AbstractSensor):
