@@ -64,7 +64,7 @@ def worlds(mode: str) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("mode", MODES)
 def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
     seen = worlds(mode)
-    t, found = seen["t"], np.zeros(4)
+    t, found = seen["t"], np.zeros(5)
     for k in range(WORLDS):
         x, psi, u = (t, seen["x"][:, k]), (t, seen["psi"][:, k]), seen["u"][:, k]
         rope = t[[0, -1]], np.full(2, seen["l"][k])
@@ -75,13 +75,17 @@ def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
             assert not is_input(t, u, x, load)
             assert not unfelt_rows(t, u, x, load).size
         turned = misread_swing(t, (t, -psi[1]), x, rope)
+        halved = misread_swing(t, psi, (t, 0.5 * x[1]), rope)
+        assert halved is None or (1.5 < halved.factor < 2.7 and not halved.turned)
         glitch = np.where(np.arange(t.size) == 700, 1e4, u)
         unfelt = unfelt_rows(t, glitch, x, psi).tolist()
         assert unfelt in ([], [700])
         exchanged = is_input(t, x[1], (t, u), psi)
-        found += [turned is not None and turned.turned, runs_backwards(t, -u, x, psi), unfelt == [700], exchanged]
+        wrong = runs_backwards(t, -u, x, psi), unfelt == [700], exchanged, halved is not None
+        found += [turned is not None and turned.turned, *wrong]
     if mode == "steps":
-        assert found.min() > 0.5 * WORLDS
+        assert found[:4].min() > 0.5 * WORLDS
+        assert found[4] > 0.2 * WORLDS
     if mode == "sums of sines":
         assert found[3] > 0.3 * WORLDS
     if mode == "a fixed cart":

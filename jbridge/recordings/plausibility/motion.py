@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from jbridge.recordings.checks import GRAVITY
 
@@ -20,6 +21,12 @@ CERTAIN = 3.0
 """Sum, over stretches of time, of how plainly each speaks for the other reading, over the root of their sum of
 squares. Were each as likely to speak against it, this would be exceeded with a probability of at most exp(-3² / 2) =
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
+OTHER_SCALE = 40.0
+"""The same for another scale: a cart that the load alone moves, or a sine, fits any scale as well as friction lets it."""
+RIGHT = 1.4
+"""Factor up to which the scale of a position or an angle is a matter for a diagnosis, not a slip."""
+FACTORS = tuple(map(float, np.geomspace(RIGHT, 1e3, 80)))
+"""Factors that are tried, and their inverses, for a scale that is wrong."""
 STRETCH = 3
 """Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
 Samples = tuple[np.ndarray, np.ndarray]
@@ -136,27 +143,38 @@ def swing_errors(cells: Cells, factor: float) -> np.ndarray:
 
 
 def misread_swing(
-    times: np.ndarray, psi: Samples, x: Samples | None, l: Samples, factors: Collection[float] = (1.0, 0.01, 0.001)
+    times: np.ndarray, psi: Samples, x: Samples | None, l: Samples, units: Collection[float] = (0.01, 0.001)
 ) -> Misread | None:
     """Returns how cart and angle would have to be read for the load's equation to hold, if that is certain.
 
     Each channel comes as times [s] and values of its samples; `x` is None for a fixed cart. What may be right as it
-    was read gives None. `factors`, 1 among them, are those by which a position in another unit may be too small.
+    was read gives None. `units` are factors by which a position in another unit would be too small.
     """
     if x is None:
         return None
     cells = swing_cells(times, psi, x, l)
     if cells is None:
         return None
-    readings = {
-        Misread(factor, turned): swing_errors(cells, -factor if turned else factor)
-        for factor in factors
-        for turned in (False, True)
-    }
-    best = min(readings, key=lambda reading: float(np.sum(readings[reading] ** 2)))
-    # The cart must be needed at all: a position that is mere noise is best left out.
-    needed = certainly_better(swing_errors(cells, 0.0), readings[best], worse=WORSE / 2)
-    return best if needed and certainly_better(readings[Misread()], readings[best]) else None
+
+    def left(factor: float) -> float:
+        return float(np.sum(swing_errors(cells, factor) ** 2))
+
+    def certain(factor: float, worse: float) -> bool:
+        # The cart must be needed at all: a position that is mere noise is best left out.
+        errors = swing_errors(cells, factor)
+        needed = certainly_better(swing_errors(cells, 0.0), errors, worse=worse / 2)
+        return needed and certainly_better(swing_errors(cells, 1.0), errors, worse=worse)
+
+    sizes, likely = [*FACTORS, *(1.0 / f for f in FACTORS)], [1.0, *units]
+    scale, unit = (min([way * f for f in each for way in (1.0, -1.0)], key=left) for each in (sizes, likely))
+    as_scale, as_unit = swing_errors(cells, scale), swing_errors(cells, unit)
+    if certain(unit, WORSE) and not certainly_better(as_unit, as_scale, worse=OTHER_SCALE):
+        return Misread(abs(unit), unit < 0)
+    if not certain(scale, OTHER_SCALE):
+        return None
+    way, size = 1.0 if scale > 0 else -1.0, abs(scale)
+    size = float(minimize_scalar(lambda size: left(way * size), bounds=(0.9 * size, 1.1 * size)).x)
+    return Misread(size, way < 0)
 
 
 def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:

@@ -21,6 +21,8 @@ from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
 from jbridge.recordings.recording import MEASURED, Recording
 from jbridge.recordings.tables.columns import UNITS
 
+LIKE = 0.1
+"""Relative distance up to which a scale that the load's equation asks for is taken for that of a unit."""
 AXIS_OF_INPUT = (("u_x", "x", "psi"), ("u_l", "l", ""))
 """Each input with the channel of the axis that it drives, and with the angle of what hangs there."""
 
@@ -44,7 +46,7 @@ def doubtful_signs(
         return
     swing = None if psi is None or x is None or l is None else misread_swing(times, psi, x, l, unit_factors(channels))
     if swing is not None and swing.factor != 1:
-        yield contradicted_unit(channels, swing.factor)
+        yield contradicted_scale(channels, swing.factor)
         return
     swapped = [*exchanged_inputs(channels, samples, l), *exchanged_axes(channels, samples)]
     if swapped:
@@ -67,19 +69,35 @@ def unit_factors(channels: Channels) -> set[float]:
     """Returns by what the position may be too small in comparison with the angle, if the unit of either is wrong."""
     x, psi = channels.columns["x"], channels.columns["psi"]
     sizes = UNITS["x"].values()
-    found = {1.0, 0.01, 0.001} if x.scale is not None else {size / UNITS["x"][x.unit] for size in sizes}
+    found = {0.01, 0.001} if x.scale is not None else {size / UNITS["x"][x.unit] for size in sizes}
     if psi.scale is None:
         found.add(UNITS["psi"][psi.unit])
-    return {factor for factor in found if 0.9e-3 < factor < 1.1e3}
+    return {factor for factor in found if 0.9e-3 < factor < 1.1e3 and factor != 1.0}
 
 
-def contradicted_unit(channels: Channels, factor: float) -> InputError:
-    """Returns the refusal of a cart and a load of which one moves too far for the other."""
-    psi = channels.columns["psi"]
-    if psi.scale is None and psi.unit != "rad" and isclose(factor, UNITS["psi"][psi.unit]):
+def contradicted_scale(channels: Channels, factor: float) -> InputError:
+    """Returns the refusal of a cart and a load of which one moves too far for the other.
+
+    Args:
+        channels: of the recording.
+        factor: by which the position is too small, or the angle too large.
+    """
+    x, psi = channels.columns["x"], channels.columns["psi"]
+    if psi.scale is None and psi.unit != "rad" and isclose(factor, UNITS["psi"][psi.unit], rel_tol=LIKE):
         return refusal(channels, "psi", "the load swings too little for the way of its cart", factor=1 / factor)
-    how = "far" if factor < 1 else "little"
-    return refusal(channels, "x", f"the cart moves too {how} for the swing of its load", factor=factor)
+    far = f"{max(factor, 1 / factor):.3g} times too {'little' if factor > 1 else 'far'}"
+    size = UNITS["x"][x.unit] if x.scale is None else x.scale
+    if x.scale is None and any(isclose(factor * size, other, rel_tol=LIKE) for other in UNITS["x"].values()):
+        return refusal(channels, "x", f"the cart moves {far} for the swing of its load", factor=factor)
+    angle = UNITS["psi"][psi.unit] if psi.scale is None else psi.scale
+    mended = [
+        replace(column, unit="count", scale=float(f"{scale:.3g}")).line(name)
+        for name, column, scale in (("x", x, size * factor), ("psi", psi, angle / factor))
+    ]
+    return InputError(
+        f"{channels.table.path}, columns {cut(x.name)} and {cut(psi.name)}: the cart moves {far} for the swing of its"
+        f" load; declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, {place(channels)}{FORCE}"
+    )
 
 
 def unfelt_inputs(channels: Channels, samples: Mapping[str, Samples]) -> Iterator[InputError]:
