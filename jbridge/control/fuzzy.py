@@ -12,7 +12,7 @@ from ..fuzzy.inference import AbstractSystem
 from ..fuzzy.membership import as_number
 from ..fuzzy.norms import Softness
 from .base import AbstractController, Differences, Reference
-from .compensation import Compensation
+from .compensation import LIMITS, Compensation
 
 INPUTS = {"cart": ("error", "velocity", "angle"), "hoist": ("error", "velocity")}
 """What the system of each axis can be asked with."""
@@ -62,7 +62,10 @@ class FuzzyController(AbstractController):
             for system, values in ((self.cart, cart), (self.hoist, hoist))
         )
         command = jnp.stack(list(volts))
-        return command if self.compensation is None else self.compensation(command), state
+        if self.compensation is not None:
+            return self.compensation(command), state
+        limits = jnp.asarray(LIMITS)
+        return jnp.clip(command, -limits, limits), state
 
     def inputs(
         self, measured: Axes, reference: Reference, period: float

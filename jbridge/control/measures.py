@@ -85,6 +85,8 @@ def _legs(reference: NDArray[np.float64]) -> Sequence[tuple[slice, int]]:
     moving = np.append(np.abs(np.diff(reference, axis=0)).max(axis=1) > _REST, False)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(int), [0]])))
     starts, stops = edges[::2], edges[1::2]
+    if not len(starts):  # a place to hold
+        return [(slice(0, len(reference)), 0)]
     ends = [*starts[1:], len(reference)]
     return [(slice(int(a), int(end)), int(b)) for a, b, end in zip(starts, stops, ends, strict=True)]
 

@@ -10,6 +10,8 @@ from .._toml import Where, as_value, number, positive, word
 from ..trajectory import Path
 
 KINDS = ("zv", "zvd")
+SLOWEST = 0.01
+"""Swing [rad/s] that is slower than any: on a rope of 100 km."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,10 @@ def read_shaping(file: Where, table: Any) -> Shaping | None:
     if not 0.0 <= damping < 1.0:
         where.refuse(f"damping = {damping:g} is no damping ratio; write it as damping = 0.0 (below 1)")
     kind = word(where, "kind", table.get("kind"), KINDS)
-    return Shaping(kind, positive(where, table, "frequency", 4.4), damping)
+    frequency = positive(where, table, "frequency", 4.4)
+    if frequency < SLOWEST:
+        where.refuse(f"frequency = {frequency:g} rad/s is slower than any swing; write it as frequency = 4.4")
+    return Shaping(kind, frequency, damping)
 
 
 def shaping_lines(shaping: Shaping | None) -> list[str]:

@@ -131,8 +131,12 @@ def verdict_sentence(
             f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(explained)}; "
             f"what remains, {left}.{late}"
         )
-    tried = "that was tried" if late else "in the catalogue"
-    return f"Something is missing, and nothing {tried} explains the hold-out: what remains, {left}.{late}"
+    if late:
+        return (
+            "The budget ended before the search did: give it more with --budget. Something is missing, and nothing that"
+            f" was tried by then explains the hold-out: what remains, {left}."
+        )
+    return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}."
 
 
 def _shares(explained: Mapping[str, float]) -> str:

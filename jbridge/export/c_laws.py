@@ -75,13 +75,15 @@ def _velocities(differences: Differences, period: float) -> str:
 
 
 def _compensated(compensation: Compensation | None, signals: tuple[str, str]) -> str:
-    if compensation is None:
-        return "".join(f"    command[{k}] = {signal};\n" for k, signal in enumerate(signals))
+    given_limits = LIMITS if compensation is None else (compensation.cart_limit, compensation.hoist_limit)
+    limits = [float(limit) for limit in given_limits]
     text = ""
-    for k, (signal, limit) in enumerate(zip(signals, (compensation.cart_limit, compensation.hoist_limit), strict=True)):
+    for k, (signal, limit) in enumerate(zip(signals, limits, strict=True)):
         text += f"    command[{k}] = {signal};\n"
-        given = f"command[{k}] + ({_lost(compensation, k, f'command[{k}]')})"
-        text += f"    command[{k}] = P_between({given}, {constant(-float(limit))}, {constant(limit)});\n"
+        given = f"command[{k}]"
+        if compensation is not None:
+            given += f" + ({_lost(compensation, k, f'command[{k}]')})"
+        text += f"    command[{k}] = P_between({given}, {constant(-limit)}, {constant(limit)});\n"
     return text
 
 

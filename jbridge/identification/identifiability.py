@@ -51,7 +51,9 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     setting = setting.thinned()
     plant = resolve(model.plant, setting.length)
     horizons = tuple(horizon for horizon in HORIZONS if horizon < WHOLE)
-    problem = make_problem(setting, make_data(setting.recordings, horizons))
+    # Recordings too short for any of them are windows themselves.
+    data = make_data(setting.recordings, horizons)
+    problem = make_problem(setting, data if data.tilings else make_data(setting.recordings, (WHOLE,)))
     engine = engine_for(setting, problem.data, plant)
     start = start_of(problem, engine, plant, model.known)
     key = np.random.default_rng(0)

@@ -104,7 +104,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     channels = trim(path, whole, declared)
     for name, values in channels.values.items():
         check_finite(channels.error, name, values)
-        check_size(channels.error, name, values)
+        check_size(channels.error, name, values, columns[name])
     unknown = [name for name, values in channels.extras.items() if not np.isfinite(values).all()]
     if unknown:
         channels = replace(

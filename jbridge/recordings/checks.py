@@ -1,5 +1,6 @@
 """What no recording of a bridge can contain, from times that stand still to degrees called radians."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from math import isclose
@@ -40,18 +41,36 @@ def check_finite(refuse: Refuse, name: str, values: np.ndarray) -> None:
         raise refuse(sample, name, f"the value is {what}; delete the row, since a gap is a missing row")
 
 
-def check_size(refuse: Refuse, name: str, values: np.ndarray) -> None:
-    """Raises the InputError for the first value beyond 1e6, if there is one."""
+def check_size(refuse: Refuse, name: str, values: np.ndarray, column: Column) -> None:
+    """Raises the InputError for the first value beyond 1e6, if there is one.
+
+    Args:
+        refuse: makes the error.
+        name: of the channel.
+        values: in SI units.
+        column: that they were read from.
+    """
     bad = np.abs(values) > LARGEST
     if bad.any():
         sample = int(bad.argmax())
         if name == "t":
-            remedy = 'count time from the start of the run, or subtract it: t = {column = "...", offset = ...}'
-            if np.median(np.diff(values)) > SLOWEST:
-                remedy = 'declare its unit under [columns]: t = {column = "...", unit = "us"}, or "ms"'
+            remedy = f"count time from the start of the run: {from_its_start(column, values).line('t')} under [columns]"
         else:
-            remedy = f'correct it, or declare its unit under [columns]: {name} = {{column = "...", unit = "..."}}'
+            declared = f'{name} = {{column = {json.dumps(column.name, ensure_ascii=False)}, unit = "..."}}'
+            remedy = f"correct it, or declare its unit under [columns]: {declared}"
         raise refuse(sample, name, f"{values[sample]:g} in SI units is beyond 1e6; {remedy}")
+
+
+def from_its_start(column: Column, times: np.ndarray) -> Column:
+    """Returns the column of times [s] such that they begin at 0, in the unit that makes their steps those of a log."""
+    size = UNITS["t"][column.unit] if column.scale is None else column.scale
+    step, offset = float(np.median(np.diff(times))), float(times[0]) / size + column.offset
+    if step <= SLOWEST:
+        return replace(column, offset=offset)
+    for name, unit in UNITS["t"].items():
+        if FASTEST <= step / size * unit <= SLOWEST:
+            return replace(column, unit=name, scale=None, offset=offset)
+    return replace(column, unit="count", scale=1e-9, offset=offset)
 
 
 def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
@@ -109,7 +128,7 @@ def why_often(steps: np.ndarray, column: Column) -> str:
     if falls > OFTEN:
         return (
             f"it falls in {100 * falls:.0f} % of the rows, so that it is no time; declare the column of the time under"
-            ' [columns]: t = {column = "...", unit = "s"}'
+            ' [columns]: t = {column = "...", unit = "s"}, or sort the rows if this is it'
         )
     if same > OFTEN:
         return (

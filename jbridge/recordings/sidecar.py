@@ -38,6 +38,8 @@ PARAMETERS = (
     "hoist_gain",
 )
 """What `[override]` may set: the parameters under `[bridge]` in a model file."""
+POSITIVE = ("cart_mass", "load_mass", "winch_mass", "gravity")
+NOT_NEGATIVE = ("cart_damping", "swing_damping", "hoist_damping")
 
 
 @dataclass(frozen=True)
@@ -172,19 +174,32 @@ class Where:
             raise self.error(f"{key} must be a table, not {quoted(str(value))}; write [{key}]")
         return value
 
-    def number(self, table: Mapping[str, object], key: str, *, positive: bool = False) -> float:
+    def number(
+        self, table: Mapping[str, object], key: str, *, positive: bool = False, not_negative: bool = False
+    ) -> float:
         value = table[key]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(f"{key} must be a number, not {quoted(str(value))}")
         if abs(value) > sys.float_info.max or not isfinite(value) or (positive and value <= 0):
-            raise self.error(f"{key} must be {'above 0' if positive else 'finite'}, not {quoted(str(value))}")
+            raise self.error(
+                f"{key} must be {'above 0' if positive and value <= 0 else 'finite'}, not {quoted(str(value))}"
+            )
+        if not_negative and value < 0:
+            raise self.error(f"{key} must not be negative, as {quoted(str(value))} is")
         return float(value)
 
     def numbers(
-        self, table: Mapping[str, object], known: tuple[str, ...], *, positive: tuple[str, ...] = ()
+        self,
+        table: Mapping[str, object],
+        known: tuple[str, ...],
+        *,
+        positive: tuple[str, ...] = (),
+        not_negative: tuple[str, ...] = (),
     ) -> dict[str, float]:
         self.check_keys(table, known)
-        return {key: self.number(table, key, positive=key in positive) for key in table}
+        return {
+            key: self.number(table, key, positive=key in positive, not_negative=key in not_negative) for key in table
+        }
 
 
 def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
@@ -206,7 +221,7 @@ def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
         columns=dict(parse_columns(*tables["columns"])),
         hold=parse_flags(hold_where, hold_table),
         resolution=resolution_where.numbers(resolution_table, MEASURED, positive=MEASURED),
-        override=override_where.numbers(override_table, PARAMETERS),
+        override=override_where.numbers(override_table, PARAMETERS, positive=POSITIVE, not_negative=NOT_NEGATIVE),
         initial=initial_where.numbers(initial_table, MEASURED, positive=("l",)),
         locked=locked_where.numbers(locked_table, ("l",), positive=("l",)).get("l"),
         start=start,

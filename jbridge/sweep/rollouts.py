@@ -16,14 +16,13 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController, Reference
-from ..control.fuzzy import FuzzyController
 from ..control.measures import limits_of
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
 from ..simulation.summaries import UNITS, MoveSummary, is_sound
 from ..trajectory import along, durations
-from .spec import Sweep
+from .spec import VARIED, Sweep
 
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
@@ -128,16 +127,9 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
 def _with_controller(
     law: AbstractController, chosen: Callable[[str, float], Array], at: dict[str, int]
 ) -> AbstractController:
-    if not isinstance(law, FuzzyController):
-        return law
-    fields = {
-        "controller.cart_scale": lambda c: c.cart_scale,
-        "controller.hoist_scale": lambda c: c.hoist_scale,
-        "controller.filter": lambda c: c.differences.time_constant,
-    }
-    for name, where in fields.items():
-        if name in at:
-            law = eqx.tree_at(where, law, chosen(name, 0.0))
+    for key, where in VARIED.items():
+        if f"controller.{key}" in at:
+            law = eqx.tree_at(where, law, chosen(f"controller.{key}", 0.0))
     return law
 
 

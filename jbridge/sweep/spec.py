@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import jax
 import numpy as np
 
 from .._toml import Where, nearest, read_toml, shown, word
+from ..control.base import AbstractController
 from ..control.files import Controller, load_controller
 from ..control.paper import paper_controller
 from ..control.reference_files import PAPER_POINTS, REST, SPEED
@@ -29,7 +31,12 @@ MOST_TICKS = 10**6
 """Values of one parameter on a grid."""
 _KEYS = ("model", "controller", "reference", "sample", "vary", "chunk", "precision")
 _REFERENCE = ("x", "l", "speed_x", "speed_l", "rest")
-_CONTROLLER = ("cart_scale", "hoist_scale", "filter")
+VARIED: dict[str, Callable[[Any], Any]] = {
+    "cart_scale": lambda law: law.cart_scale,
+    "hoist_scale": lambda law: law.hoist_scale,
+    "filter": lambda law: law.differences.time_constant,
+}
+"""Where the numbers of a controller that may vary stand in its law; a law has those that are there."""
 _LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig makes sense, as in recordings."""
 
@@ -180,9 +187,17 @@ def variable_names(model: Model, controller: Controller) -> tuple[str, ...]:
     table = ParameterTable(model.plant)
     return (
         *table.names(),
-        *(f"controller.{key}" for key in _CONTROLLER),
+        *(f"controller.{key}" for key, where in VARIED.items() if _has(controller.law, where)),
         *(f"reference.{key}" for key in _REFERENCE),
     )
+
+
+def _has(law: AbstractController, where: Callable[[Any], Any]) -> bool:
+    try:
+        where(law)
+    except AttributeError:
+        return False
+    return True
 
 
 def _possible(table: ParameterTable, name: str) -> tuple[float, float]:

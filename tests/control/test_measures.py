@@ -24,6 +24,15 @@ def test_legs_begin_and_end_with_the_reference():
     assert first.overshoot == {"x": 0.0, "l": 0.0} and first.residual_swing == 0.0
 
 
+def test_a_place_to_hold_is_one_leg():
+    place = np.tile([0.3, 0.5], (len(T), 1))
+    position = np.stack([place[:, 0] + 0.02, np.full_like(T, 0.1), place[:, 1]], axis=1)
+    [held] = moves(T, place, position, np.zeros((len(T), 2)))
+    assert held.start == held.arrival == 0.0 and held.overshoot == {"x": 0.0, "l": 0.0}
+    assert held.settling_time["x"] is None and held.settling_time["l"] == 0.0
+    assert held.steady_error["x"] == pytest.approx(0.02) and held.residual_swing == pytest.approx(0.1)
+
+
 def test_a_position_that_stays_away_never_settles():
     first, _ = run(lambda wanted: 0.95 * wanted, psi=0.1, u=2.0)
     assert first.settling_time["x"] is None and first.steady_error["x"] == pytest.approx(-0.05)

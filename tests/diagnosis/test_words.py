@@ -63,7 +63,7 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
         (said("unknown", [DOUBTED]), "nothing in the catalogue explains the hold-out: what remains, 0.4 mm in the"),
         (said("unknown", horizon=math.inf), "in whole recordings"),
         (said("unknown", stopped="budget"), "give it more with --budget."),
-        (said("unknown", stopped="budget"), "nothing that was tried explains the hold-out"),
+        (said("unknown", stopped="budget"), "nothing that was tried by then explains the hold-out"),
         (
             said(None, [FRICTION], stopped="interrupted"),
             "after it had found Coulomb friction at the cart; the hold-out",

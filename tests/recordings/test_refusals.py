@@ -129,7 +129,7 @@ REFUSED = {
     "beyond 1e6": (replaced(44, 3, "-1.5e6"), ["row 44", "column x", "-1.5e+06", "beyond 1e6", "unit"]),
     "unix time": (
         lambda lines: "\n".join([lines[0], *("1700000" + line for line in lines[1:])]),
-        ["row 2", "column t", "beyond 1e6", "offset"],
+        ["row 2", "column t", "beyond 1e6", 't = {column = "t", unit = "s", offset = 17000000'],
     ),
     "equal times": (replaced(50, 0, "0.23500000000000001"), ["row 50", "column t", "the same", "delete"]),
     "falling times": (replaced(50, 0, "0.1"), ["row 50", "column t", "0.1", "before", "one run in a file"]),
@@ -158,6 +158,13 @@ REFUSED = {
     ),
     "rows in reverse": (lambda lines: "\n".join([lines[0], *lines[:0:-1]]), ["falls from row to row", "sort"]),
     "a position that slips": (replaced(61, 3, "9"), ["row 61", "column x", "away from the row above"]),
+    "an angle of one row": (replaced(61, 4, "2.5"), ["row 61", "column psi", "rad away from the row above"]),
+    "rows that are missing": (
+        lambda lines: "\n".join(lines[:200] + [
+            f"{0.005 * k:.4f}," + line.split(",", 1)[1] for k, line in enumerate(lines[260:], 199)
+        ]),
+        ["row 201", "away from the row above", "cut the file there"],
+    ),
     "an unknown name for the position": (
         header(lambda name: "y" if name == "x" else name),
         ["u_x varies, but there is no x", "y, declare it, such as", "x = {column = \"y"],

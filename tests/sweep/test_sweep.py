@@ -11,6 +11,7 @@ import pytest
 import jbridge
 from jbridge import InputError
 from jbridge.simulation.summaries import UNITS
+from jbridge.sweep.rollouts import Rollouts
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
 from tests.problems import model_text
@@ -51,10 +52,18 @@ high = 4.0
 """
 
 
+PID = """\
+kind = "pid"
+cart = {p = 20.0, i = 0.0, d = 5.0}
+hoist = {p = 40.0, i = 0.0, d = 2.0}
+"""
+
+
 @pytest.fixture
 def spec(tmp_path):
     (tmp_path / "model.toml").write_text(MODEL)
     (tmp_path / "spec.toml").write_text(SPEC)
+    (tmp_path / "pid.toml").write_text(PID)
     return tmp_path / "spec.toml"
 
 
@@ -188,6 +197,7 @@ def test_failures_are_counted_and_listed(spec, tmp_path):
         (("rest = 2.0", "rest = 1e8"), r"a run takes up to 1e\+08 s, more than 2e\+04 s; raise the speeds or shorten"),
         (("rest = 2.0", "speed = [1e-6, 0.2]"), "a run takes up to 5.*e.05 s"),
         (("low = 1.0", "low = -1.0"), r"coulomb_friction@cart.level cannot go from -1 to 5; stay within 0 to 1e\+06"),
+        (('"model.toml"', '"model.toml"\ncontroller = "pid.toml"'), "'controller.cart_scale'"),
         (("low = 2.0", "low = 0.0"), "controller.cart_scale cannot go from 0 to 4; stay within 1e-06 to"),
     ],
 )
@@ -195,6 +205,13 @@ def test_what_is_wrong_with_a_specification_is_said(spec, change, complaint):
     spec.write_text(SPEC.replace(*change))
     with pytest.raises(InputError, match=complaint):
         load_sweep(spec)
+
+
+def test_the_filter_of_a_pid_varies(spec):
+    asked = SPEC.replace('"model.toml"', '"model.toml"\ncontroller = "pid.toml"')
+    spec.write_text(asked.replace("cart_scale", "filter").replace("low = 2.0\nhigh = 4.0", "low = 0.005\nhigh = 0.5"))
+    found = Rollouts(load_sweep(spec))(np.array([[2.0, 0.01, 0.005], [2.0, 0.01, 0.5]]))
+    assert found["itae_x"][1] > 1.01 * found["itae_x"][0]
 
 
 def test_a_grid_of_more_points_than_can_be_counted_is_refused(spec):
@@ -253,7 +270,7 @@ def test_a_failed_start_claims_nothing(spec, tmp_path, monkeypatch):
     monkeypatch.setattr("jbridge.sweep.run.Rollouts", fails)
     with pytest.raises(RuntimeError):
         run_sweep(load_sweep(spec), tmp_path / "out")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["model.toml", "spec.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["model.toml", "pid.toml", "spec.toml"]
 
 
 def test_a_scheduler_that_is_not_there_is_told(spec, tmp_path, monkeypatch):

@@ -138,7 +138,7 @@ def validate(
             after=before,
             train_before=train_before,
             train_after=train_before,
-            explained={},
+            explained=_explained(before, before),
             scatter=scatters,
         )
     every, dropped = final, list[Name]()
@@ -232,7 +232,8 @@ def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None 
     """
     horizon, axes = _shown(before)
     first, last, other = (run.excess(horizon) for run in (before, after, beside or before))
-    return {axis: (other[axis] - last[axis]) / max(first[axis], other[axis]) for axis in axes}
+    # A noise that is estimated too large leaves less than nothing, and no more than all can be explained.
+    return {axis: min((other[axis] - last[axis]) / max(first[axis], other[axis]), 1.0) for axis in axes}
 
 
 def _one_second(run: Evaluation) -> float:

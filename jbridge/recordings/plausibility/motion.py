@@ -3,8 +3,9 @@
 Equations of motion hold whatever a rig's masses, gains and friction are: here that of the load, `l psi'' + 2 l' psi' +
 g sin(psi) + x'' cos(psi) = 0`; in `drive` that of a driven axis. Each is met by what was read, and by what would have
 been read in another unit or of another sign. What was read is called wrong only if it leaves four times the squared
-error (`WORSE`), and if that is no matter of a few moments (`CERTAIN`). Whatever explains a recording as read, be it
-badly, stays: noise, friction, rest, a motor that is off, and motion that both signs explain alike.
+error (`WORSE`; `OTHER_SCALE` where the scale is no unit's), and if that is no matter of a few moments (`CERTAIN`).
+Whatever explains a recording as read, be it badly, stays: noise, friction, rest, a motor that is off, and motion that
+both signs explain alike.
 """
 
 from collections.abc import Collection, Mapping
@@ -22,7 +23,7 @@ CERTAIN = 3.0
 squares. Were each as likely to speak against it, this would be exceeded with a probability of at most exp(-3² / 2) =
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
 OTHER_SCALE = 40.0
-"""The same for another scale: a cart that the load alone moves, or a sine, fits any scale as well as friction lets it."""
+"""The same for another scale: a cart that the load alone moves, or a sine, fits any scale but for friction."""
 RIGHT = 1.4
 """Factor up to which the scale of a position or an angle is a matter for a diagnosis, not a slip."""
 FACTORS = tuple(map(float, np.geomspace(RIGHT, 1e3, 80)))

@@ -20,9 +20,14 @@ LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
 SMALLEST = 1e-3
 """Way of a driven cart [m] below which a header's unit is doubted."""
-LEAP, SLIP = 0.5, 0.01
+HALF, SLIP = 0.5, 0.01
 """Share of a position's range through which no cart moves from one row to the next, and shortest time [s] that is
 counted for that, so that noise between close rows is no motion."""
+LEAP = 10.0
+"""Multiple of what steps from row to row usually differ by (of which 1 % exceed it) that no motion adds to one."""
+LEAST = {"x": (0.02, 200.0), "l": (0.02, 200.0), "psi": (0.05, 1000.0)}
+"""Step [m, rad], beyond those of the rows around, that is more than a few counts that a sensor missed, and acceleration
+[m/s², rad/s²] that no rig reaches."""
 
 
 def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
@@ -97,6 +102,8 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
                 what = f"{speed:.3g} m/s is faster than any cart"
             # Rails and ropes of laboratories have some decimetres to a few metres.
             factor = 1e-2 if size < 200 else 1e-3 if size < 20_000 else 1e-6
+            if 100 < size < 500:
+                what += f" ({1e-2 * size:.2g} m if it is in cm, {1e-3 * size:.2g} m in mm)"
             yield refusal(channels, name, what, factor=factor)
         elif name == "x" and 0 < size < SMALLEST:
             yield from doubtful_rest(channels, size)
@@ -126,24 +133,46 @@ def doubtful_rest(channels: Channels, way: float) -> Iterator[InputError]:
 
 
 def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
-    """Yields the refusals of positions and lengths that leap through half their range from one row to the next."""
+    """Yields the refusals of positions, lengths and angles that leap from one row to the next as nothing moves."""
     times = channels.values["t"]
-    for name in ("x", "l"):
+    for name in LEAST:
         values = channels.values.get(name)
         if values is None:
             continue
-        steps = np.abs(np.diff(values))
-        leaps = steps > np.maximum(LEAP * np.ptp(values), LONGEST * np.maximum(np.diff(times), SLIP))
+        leaps = leaping(times, values, *LEAST[name])
+        if name != "psi":
+            through = np.maximum(HALF * np.ptp(values), LONGEST * np.maximum(np.diff(times), SLIP))
+            leaps |= np.abs(np.diff(values)) > through
         if leaps.any():
             sample = int(leaps.argmax()) + 1
-            other = "u_x" if name == "x" else "u_l"
+            step, unit = abs(values[sample] - values[sample - 1]), "rad" if name == "psi" else "m"
+            other = {"x": "u_x", "l": "u_l"}.get(name)
+            remedy = "correct or delete the row, or cut the file there if another run begins"
+            remedy += f", or declare another column for {name} if this is an input such as {other}" if other else ""
             yield channels.error(
                 sample,
                 name,
-                f"{steps[sample - 1]:.3g} m away from the row above, {1e3 * (times[sample] - times[sample - 1]):.3g} ms"
-                f" before, faster than any motion; correct or delete the row, or declare another column for {name} if"
-                f" this is an input such as {other}{FORCE}",
+                f"{step:.3g} {unit} away from the row above, {1e3 * (times[sample] - times[sample - 1]):.3g} ms"
+                f" before, faster than any motion; {remedy}{FORCE}",
             )
+
+
+def leaping(times: np.ndarray, values: np.ndarray, least: float, fastest: float) -> np.ndarray:
+    """Returns, for each step from row to row, whether it is much larger than those around, and as nothing accelerates.
+
+    Args:
+        times: of the rows [s].
+        values: of a channel.
+        least: step that may be one.
+        fastest: acceleration that a rig may reach.
+    """
+    steps, apart = np.diff(values), np.diff(times)
+    padded = np.pad(np.abs(steps), 3, mode="reflect") if steps.size > 3 else np.pad(np.abs(steps), 3)
+    around = [padded[3 + k : 3 + k + steps.size] for k in (-3, -2, -1, 1, 2, 3)]
+    further = np.abs(steps) - np.median(around, axis=0)
+    bends = np.abs(np.diff(steps))
+    usual = float(np.quantile(bends[bends > 0], 0.99)) if (bends > 0).any() else 0.0
+    return further > np.maximum(max(LEAP * usual, least), fastest * apart**2)
 
 
 def doubtful_angle(channels: Channels, locked_length: float | None) -> Iterator[InputError]:

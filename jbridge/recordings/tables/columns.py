@@ -93,7 +93,9 @@ class Column:
         """Returns the line under `[columns]` of a sidecar that declares it for a channel."""
         parts = [f"column = {json.dumps(self.name, ensure_ascii=False)}", f'unit = "{self.unit}"']
         parts += ["sign = -1"] if self.sign < 0 else []
-        parts += [f"offset = {self.offset:.6g}"] if self.offset else []
+        # Six digits tell a reading, and not the hours since 1970.
+        digits = ".6g" if abs(self.offset) < 1e5 else ".16g"
+        parts += [f"offset = {self.offset:{digits}}"] if self.offset else []
         parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
         parts += [f"radius = {self.radius:g}"] if self.radius is not None else []
         return f"{channel} = {{{', '.join(parts)}}}"

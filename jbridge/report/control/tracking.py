@@ -60,11 +60,12 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     save_csv(target / RUN, tracking.columns)
     save_controller(target / "controller.toml", controller)
     moves = [dataclasses.asdict(move) for move in tracking.moves]
-    write_text(target / "control.json", json.dumps({"schema": 1, "moves": moves}, indent=2) + "\n")
+    remarks = [*map(capital, tracking_warnings(tracking)), *silence(tracking, controller)]
+    content = {"schema": 1, "moves": moves, "warnings": remarks}
+    write_text(target / "control.json", json.dumps(content, indent=2) + "\n")
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    remarks = [*map(capital, tracking_warnings(tracking)), *silence(tracking, controller)]
     moved = Table(_HEAD, _rows(tracking))
     shown = page("control.html", tracking=tracking, moves=moved, remarks=remarks, pictures=pictures)
     write_text(target / "control.html", shown)
