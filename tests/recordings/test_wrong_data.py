@@ -187,6 +187,12 @@ def test_a_column_of_text_that_is_no_channel_is_left_out(tmp_path, cells):
     assert "left out" in note
 
 
+@pytest.mark.parametrize("name", ["psi_meas", "ψ", "Pendelwinkel [rad]", "theta_actual"])
+def test_a_column_that_may_be_the_angle_is_asked_for(tmp_path, name):
+    with pytest.raises(InputError, match=r"not used, and there is no psi; declare psi = \{column = "):
+        recording_of(tmp_path, f"t,x,l,{name}", range(400), "")
+
+
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):
     with pytest.raises(InputError, match=r"column theta: not used, and there is no psi"):
         recording_of(tmp_path, "t,x,l,theta", ["1"] * 399 + ["#N/A"], "")

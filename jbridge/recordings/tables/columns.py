@@ -31,21 +31,26 @@ NEAR = {
     "t": ("t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros"),
     "u_x": (
         "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
-        "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts",
+        "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts", "uin", "spannung", "duty",
     ),
     "u_l": (
         "ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "pwmhoist", "hoistpwm", "hoistmotor",
     ),
     "x": (
         "x", "pos", "position", "cart", "cartpos", "cartposition", "xcart", "poscart", "xpos", "posx", "trolley",
-        "trolleypos", "trolleyposition", "xtrolley",
+        "trolleypos", "trolleyposition", "xtrolley", "wagen", "wagenposition", "katze", "laufkatze",
     ),
     "psi": (
         "psi", "theta", "angle", "phi", "alpha", "swing", "swingangle", "pendulumangle", "pendulum", "winkel", "th",
+        "pendelwinkel", "ψ", "θ", "φ", "α",
     ),
-    "l": ("l", "length", "rope", "ropelength", "cable", "cablelength", "len", "lrope", "hoistlength"),
+    "l": (
+        "l", "length", "rope", "ropelength", "cable", "cablelength", "len", "lrope", "hoistlength", "seil", "seillänge",
+    ),
 }  # fmt: skip
 """What others call a channel, in small letters without anything in between."""
+MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encoder", "sensor"}
+"""Words that say of a channel's name that it is measured."""
 OTHER = {
     "ref",
     "reference",
@@ -148,6 +153,7 @@ def near_column(channel: str, names: Iterable[str]) -> Column | None:
         unit = SPELLINGS.get(words[-1], words[-1])
         told = unit in UNITS[channel]
         bare = words[:-1] if told and len(words) > 1 else words
+        bare = [word for word in bare if word not in MEASURED_AS] or bare
         if is_near("".join(bare), NEAR[channel]):
             return Column(name, unit if told else plain_column(channel).unit)
     return None
