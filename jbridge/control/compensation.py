@@ -13,6 +13,7 @@ from .._toml import Where, as_value, number, positive, shown
 from .._types import Scalar
 from ..errors import InputError
 from ..fuzzy.membership import as_number
+from .base import AbstractController
 
 LIMITS = (3.0, 10.0)
 """Voltages beyond which the paper's drives saturate [V]: cart, hoist."""
@@ -38,15 +39,26 @@ class Compensation(eqx.Module):
     hoist_limit: Scalar = _number(LIMITS[1])
     """[V]"""
 
+    @property
+    def limits(self) -> Float[Array, " 2"]:
+        """Voltages beyond which the drives saturate [V]: cart, hoist."""
+        return jnp.stack([self.cart_limit, self.hoist_limit])
+
     def __call__(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """The command with what is lost on its way, within the drives' limits [V]."""
-        limits = jnp.stack([self.cart_limit, self.hoist_limit])
+        limits = self.limits
         return jnp.clip(command + self.lost(command), -limits, limits)
 
     def lost(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """What is lost on the way of a command, and what holds the load [V]."""
         lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
         return lost + jnp.stack([jnp.zeros(()), self.hoist_bias])
+
+
+def limits_of(law: AbstractController) -> Float[Array, " 2"]:
+    """Voltages of cart and hoist beyond which a controller's drives saturate [V]; the paper's if it does not say."""
+    given = getattr(law, "compensation", None)
+    return jnp.asarray(LIMITS) if given is None else given.limits
 
 
 def read_compensation(file: Where, table: Any) -> Compensation | None:

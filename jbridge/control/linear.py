@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._types import Axes, Scalar
 from ..fuzzy.membership import as_number
 from .base import AbstractController, Differences, Reference
-from .compensation import LIMITS, Compensation
+from .compensation import Compensation
 
 
 def _number(default: float) -> Any:
@@ -49,7 +49,7 @@ class Pid(AbstractController):
         error = jnp.stack([reference.x - measured.x, reference.l - measured.l])
         slope = jnp.stack([reference.v_x - speed.x, reference.v_l - speed.l])
         p, i, d = (jnp.stack([getattr(self, f"{axis}_{term}") for axis in ("cart", "hoist")]) for term in "pid")
-        room = self.most * jnp.asarray(LIMITS)
+        room = self.most * self.compensation.limits
         sums = jnp.clip(state.sums + i * error * period, -room, room)
         return self.compensation(p * error + sums + d * slope), _PidState(differences, sums)
 

@@ -3,12 +3,9 @@
 import dataclasses
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from .base import AbstractController
 from .compensation import LIMITS
 
 NEAR = 0.01
@@ -50,12 +47,6 @@ class Move:
     """How often the voltage goes from beyond 1 % of the drive's limit to beyond 1 % on the other side."""
     saturation: dict[str, float]
     """Share of the time in which the voltage is at the drive's limit [1]."""
-
-
-def limits_of(law: AbstractController) -> Float[Array, " 2"]:
-    """Voltages of cart and hoist beyond which a controller's drives saturate [V]; the paper's if it does not say."""
-    given = getattr(law, "compensation", None)
-    return jnp.asarray(LIMITS) if given is None else jnp.stack([given.cart_limit, given.hoist_limit])
 
 
 def moves(

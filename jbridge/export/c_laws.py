@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..control.base import AbstractController, Differences
-from ..control.compensation import LIMITS, Compensation
+from ..control.compensation import Compensation, limits_of
 from ..control.fuzzy import FuzzyController
 from ..control.linear import ObserverFeedback, Pid, StateFeedback
 from ..errors import InputError
@@ -74,11 +74,9 @@ def _velocities(differences: Differences, period: float) -> str:
     return _STEP.replace("SHARE", constant(share)).replace("PERIOD", constant(period))
 
 
-def _compensated(compensation: Compensation | None, signals: tuple[str, str]) -> str:
-    given_limits = LIMITS if compensation is None else (compensation.cart_limit, compensation.hoist_limit)
-    limits = [float(limit) for limit in given_limits]
-    text = ""
-    for k, (signal, limit) in enumerate(zip(signals, limits, strict=True)):
+def _compensated(law: FuzzyController | Pid | StateFeedback | ObserverFeedback, signals: tuple[str, str]) -> str:
+    compensation, text = law.compensation, ""
+    for k, (signal, limit) in enumerate(zip(signals, limits_of(law).tolist(), strict=True)):
         text += f"    command[{k}] = {signal};\n"
         given = f"command[{k}]"
         if compensation is not None:
@@ -112,7 +110,7 @@ def _fuzzy(law: FuzzyController, period: float) -> LawInC:
     systems: dict[str, AbstractSystem] = {"cart": law.cart, "hoist": law.hoist}
     functions = "".join("\n" + system_source(name, system) for name, system in systems.items())
     step = inputs("cart", cart, law.cart.inputs) + inputs("hoist", hoist, law.hoist.inputs)
-    step += _compensated(law.compensation, ("P_cart(cart)", "P_hoist(hoist)"))
+    step += _compensated(law, ("P_cart(cart)", "P_hoist(hoist)"))
     return LawInC(_MEMBERS, HELPERS + functions, _START, _velocities(law.differences, period) + step)
 
 
@@ -120,7 +118,7 @@ def _pid(law: Pid, period: float) -> LawInC:
     text, signals = "", []
     for k, (axis, place) in enumerate((("cart", 0), ("hoist", 2))):
         p, i, d = (constant(getattr(law, f"{axis}_{term}")) for term in "pid")
-        room = float(law.most) * float(LIMITS[k])
+        room = float(law.most * limits_of(law)[k])
         error, slope = f"(reference[{k}] - measured[{place}])", f"(reference[{2 + k}] - speed[{place}])"
         grown = f"state->sums[{k}] + {i} * {error} * {constant(period)}"
         text += f"    state->sums[{k}] = P_between({grown}, {constant(-room)}, {constant(room)});\n"
@@ -129,7 +127,7 @@ def _pid(law: Pid, period: float) -> LawInC:
         _MEMBERS + "\n    P_real sums[2];",
         HELPERS,
         _START + "    state->sums[0] = state->sums[1] = 0;\n",
-        _velocities(law.differences, period) + text + _compensated(law.compensation, (signals[0], signals[1])),
+        _velocities(law.differences, period) + text + _compensated(law, (signals[0], signals[1])),
     )
 
 
@@ -142,7 +140,7 @@ def _state_feedback(law: StateFeedback, period: float) -> LawInC:
         "speed[1]",
         "speed[2] - reference[3]",
     )
-    text = _away(away) + _compensated(law.compensation, _fed_back(law.gains))
+    text = _away(away) + _compensated(law, _fed_back(law.gains))
     return LawInC(_MEMBERS, HELPERS, _START, _velocities(law.differences, period) + text)
 
 
@@ -158,7 +156,7 @@ def _observer_feedback(law: ObserverFeedback, period: float) -> LawInC:
     wanted = {0: 0, 2: 1, 3: 2, 5: 3}
     text += _away([each + (f" - reference[{wanted[k]}]" if k in wanted else "") for k, each in enumerate(estimate)])
     asked = "".join(f"    const P_real asked_{k} = {signal};\n" for k, signal in enumerate(_fed_back(law.gains)))
-    text += asked + _compensated(law.compensation, ("asked_0", "asked_1"))
+    text += asked + _compensated(law, ("asked_0", "asked_1"))
     for k in range(2):
         text += f"    state->given[{k}] = command[{k}] - ({_lost(law.compensation, k, f'asked_{k}')});\n"
     start = "    for (k = 0; k < 3; ++k) state->estimate[k] = measured[k], state->estimate[3 + k] = 0;\n"

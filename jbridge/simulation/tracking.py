@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control.base import Reference
+from ..control.compensation import limits_of
 from ..control.files import Controller
-from ..control.measures import Move, limits_of, moves
+from ..control.measures import Move, moves
 from ..errors import InputError
 from ..model.files import Model, requires
 from ..model.steps import substeps

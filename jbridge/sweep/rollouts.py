@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController, Reference
-from ..control.measures import limits_of
+from ..control.compensation import limits_of
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered

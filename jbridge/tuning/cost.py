@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController
-from ..control.measures import limits_of
+from ..control.compensation import limits_of
 from ..simulation.summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays

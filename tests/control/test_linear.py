@@ -1,5 +1,7 @@
 """Linear laws by hand, and input shaping against an integrator of SciPy's."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +11,9 @@ from scipy.integrate import solve_ivp
 from jbridge import Axes, Path, Reference
 from jbridge.control.compensation import Compensation
 from jbridge.control.extended import extended_controller
+from jbridge.control.fuzzy import FuzzyController
 from jbridge.control.linear import Pid, StateFeedback
-from jbridge.control.paper import paper_controller
+from jbridge.control.paper import hoist_system, paper_controller
 from jbridge.control.shaping import shaped
 from jbridge.fuzzy.check import outdone_rules
 from jbridge.trajectory import smooth_path
@@ -25,6 +28,25 @@ def test_pid_by_hand():
     np.testing.assert_allclose(command, [10 * 0.1 + 2 * 0.1 * 0.02 + 0.1, -20 * 0.05], rtol=1e-12)
     again, _ = law.command(state, AT, WANTED, 0.02)
     np.testing.assert_allclose(again[0] - command[0], 2 * 0.1 * 0.02, rtol=1e-9)
+
+
+def test_integrals_stay_within_the_drives_limits():
+    """1 V/(m s) of 0.1 m adds up to 5 V in 50 s, of which a drive has as many as its file says."""
+    far = Reference(jnp.asarray(0.5), AT.l, jnp.asarray(0.0), jnp.asarray(0.0))
+    for given, most in ((Compensation(), 3.0), (Compensation(cart_limit=24.0), 5.0)):
+        law = Pid(cart_p=0.0, cart_i=1.0, cart_d=0.0, compensation=given)
+        _, state = law.command(law.start(AT), AT, far, 50.0)
+        np.testing.assert_allclose(state.sums[0], most, rtol=1e-9)
+
+
+def test_a_fuzzy_command_ends_at_the_drives_limits_as_others_do():
+    """The hoist's system, of 10 V, on a cart whose drive has 3 V; a file may say that it has more."""
+    law = FuzzyController(hoist_system(), hoist_system())
+    far = Reference(jnp.asarray(5.0), AT.l, jnp.asarray(0.0), jnp.asarray(0.0))
+    command, _ = law.command(law.start(AT), AT, far, 0.02)
+    assert command[0] == 3.0
+    stronger = dataclasses.replace(law, compensation=Compensation(cart_limit=24.0))
+    assert stronger.command(law.start(AT), AT, far, 0.02)[0][0] > 6.0
 
 
 def test_state_feedback_by_hand_and_within_limits():
