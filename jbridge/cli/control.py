@@ -48,20 +48,29 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     controllers = {name: controller_of(file) for name, file in zip(names, files, strict=True)}
-    runs = {}
+    runs, failed = {}, {}
     for name, controller in controllers.items():
         if arguments.reference:
             path = jbridge.load_reference(arguments.reference, controller.period)
         else:
             path = jbridge.paper_path(controller.period)
         console(f"simulating {name}")
-        runs[name] = jbridge.track(model, controller, path)
-    folders = {name: Path(arguments.out) if len(runs) == 1 else Path(arguments.out) / name for name in runs}
+        try:
+            runs[name] = jbridge.track(model, controller, path)
+        except InputError as error:
+            failed[name] = str(error)
+    if not runs:
+        raise InputError("; ".join(failed.values()))
+    alone = len(controllers) == 1
+    folders = {name: Path(arguments.out) if alone else Path(arguments.out) / name for name in runs}
     texts = []
     for name, track in runs.items():
         console("drawing")
         jbridge.save_tracking(folders[name], track, controllers[name])
-        texts.append(f"{name}:\n" * (len(runs) > 1) + jbridge.describe_tracking(track, folders[name]))
+        texts.append(f"{name}:\n" * (not alone) + jbridge.describe_tracking(track, folders[name]))
     if len(runs) > 1:
         texts.append(jbridge.describe_rivals(runs))
+    # Those that run are compared all the same.
     console.show("\n".join(texts), lambda: {name: written(folder, "control.json") for name, folder in folders.items()})
+    if failed:
+        raise InputError("; ".join(failed.values()))

@@ -66,6 +66,10 @@ class Recording:
     earlier: Commands | None = None
     """Inputs of the rows before the first one here, which a delay or a lag still feels; None counts as inputs of 0."""
 
+    def __repr__(self) -> str:
+        channels = ", ".join(name for name in (*INPUTS, *MEASURED) if getattr(self, name) is not None)
+        return f"<Recording {self.name}: {len(self.times)} rows, {self.duration:.4g} s, {channels}>"
+
     @classmethod
     def from_arrays(  # noqa: PLR0913
         cls,

@@ -24,6 +24,8 @@ from .objectives import Goal, usual_goal
 
 SOFT, HARD = 0.3, 0.03
 """Softness at the beginning and at the end."""
+MOST = 10**5
+"""Most bridges, steps and starts: what takes days, or more memory than there is, is a slip."""
 _HARDENED = 0.6
 """Share of the steps after which the softness has reached its end."""
 _RATE = 0.15
@@ -115,6 +117,8 @@ def tune(  # noqa: PLR0913
     requires(model, ("x", "psi", "l"))
     if min(plants, held_out, steps, starts) < 1 or seed < 0:
         raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
+    if max(plants, held_out, steps, starts) > MOST:
+        raise InputError(f"plants, held_out, steps and starts must be at most {MOST}")
     if legs is None:
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     knobs = knobs_of(controller.law)

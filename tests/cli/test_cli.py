@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import jbridge
+from jbridge import InputError
 from jbridge.cli import COMMANDS, main
 from jbridge.fuzzy.membership import Trapezoidal, as_number
 from jbridge.fuzzy.rules import Variable, rule
@@ -492,6 +493,30 @@ def test_a_sugeno_controller_moves_the_load_and_comes_back(tmp_path, capsys):
     assert main([*command, "--out", str(out)]) == 0
     found, wanted = (jbridge.load_controller(path).law for path in (out / "controller.toml", given))
     assert eqx.tree_equal(found, wanted)
+
+
+def test_controllers_beside_one_that_runs_away_are_compared(tmp_path, capsys, monkeypatch):
+    model, out, track = tmp_path / "model.toml", tmp_path / "out", jbridge.track
+    model.write_text(model_text(FRICTION))
+    reference = tmp_path / "reference.toml"
+    reference.write_text("points = [[0.0, 0.3], [0.3, 0.4]]\nrest = 2.0\n")
+    for name, p in (("calm", 5.0), ("calmer", 4.0), ("wild", 1e4)):
+        axis = f"{{p = {p}, i = 0.0, d = 1.0}}"
+        (tmp_path / f"{name}.toml").write_text(f'kind = "pid"\ncart = {axis}\nhoist = {axis}\n')
+
+    def tracked(model, controller, path):
+        if float(controller.law.cart_p) > 1e3:
+            raise InputError("wild.toml: the loop runs away")
+        return track(model, controller, path)
+
+    monkeypatch.setattr(jbridge, "track", tracked)
+    rivals = [str(tmp_path / f"{name}.toml") for name in ("wild", "calm", "calmer")]
+    command = ["control", str(model), "--reference", str(reference), "--out", str(out), "--controller"]
+    assert main([*command, *rivals]) == 2
+    told = capsys.readouterr()
+    assert "wild.toml: the loop runs away" in told.err and "calmer" in told.out
+    assert sorted(folder.name for folder in out.iterdir()) == ["calm", "calmer"]
+    assert main([*command, rivals[0]]) == 2
 
 
 def sugeno(inputs):

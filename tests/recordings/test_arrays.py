@@ -165,3 +165,9 @@ def test_two_units_of_one_input_are_refused(chosen, tmp_path):
     other = Recording.from_arrays(**run, name="b", sidecar={"columns": {"u_x": {"unit": "A"}}})
     with pytest.raises(InputError, match="b, column u_x: in A, but in V in a"):
         make_setting(load_model(tmp_path / "model.toml"), [Recording.from_arrays(**run, name="a"), other], [])
+
+
+def test_a_recording_shows_itself_in_a_line():
+    t = 0.01 * np.arange(200)
+    recording = Recording.from_arrays(t=t, u_x=np.sin(t), x=0.5 + 0.1 * np.sin(t))
+    assert repr(recording) == f"<Recording {recording.name}: 200 rows, 1.99 s, u_x, x>"
