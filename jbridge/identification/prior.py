@@ -24,10 +24,19 @@ Statistical Science 11, 1996)."""
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """Guesses of masses, and that neighbours in a map are alike."""
+    """Guesses of masses, that neighbours in a map are alike, and that what repeats does so within what was recorded."""
 
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Those of the bridge as the model file has them [kg], by name."""
+    periods: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """The longest that recordings show to repeat [m, rad], by the parameter's name."""
+
+    def bounds(self, table: ParameterTable) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper bounds of all parameters."""
+        low, high = table.bounds()
+        for name in self.periods.keys() & set(table.names()):
+            high[table.positions(name)] = self.periods[name]
+        return low, high
 
     def cost(self, table: ParameterTable, vector: NDArray[np.float64]) -> float:
         """What masses cost that are not as they were guessed [nat]."""

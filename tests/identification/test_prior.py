@@ -52,6 +52,15 @@ def test_neighbours_in_a_map_are_tied():
     assert np.allclose(gradient, precision @ vector_with()[free])
 
 
+def test_a_period_is_no_longer_than_recordings_show_to_repeat():
+    table = ParameterTable(make_plant(("periodic_force", "cart", example("periodic_force", "cart"))))
+    low, high = Prior(periods={"periodic_force@cart.period": 0.4, "torque_ripple@cart_drive.period": 0.2}).bounds(table)
+    [place] = table.positions("periodic_force@cart.period")
+    free_low, free_high = table.bounds()
+    assert high[place] == 0.4 < free_high[place] and (low == free_low).all()
+    assert (np.delete(high, place) == np.delete(free_high, place)).all()
+
+
 def test_a_mass_that_no_recording_tells_stays_and_one_that_is_told_is_found():
     """Mass, damping and gain have a factor in common that no motion shows, until the gain is known."""
     runs = cart_recordings(make_plant(), 2)

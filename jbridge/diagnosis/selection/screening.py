@@ -142,8 +142,8 @@ def linear_optimum(
     chosen = np.array([*columns, n])
     products = products[:, :, chosen[:, None], chosen]
     places = point.free[list(columns)]
-    low, high = space.table.bounds()
     prior, vector = problem.likelihood.prior, point.vector.copy()
+    low, high = prior.bounds(space.table)
     if away is not None:
         vector[point.free] += away
     least, most = low[places] - vector[places], high[places] - vector[places]

@@ -22,7 +22,7 @@ from ...identification.solver import Start
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
-from ..structures.space import Name, is_apart, proposals
+from ..structures.space import Name, is_apart, longest_periods, proposals
 from ..structures.structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
 from .additions import added
 from .mechanisms import with_mechanisms
@@ -66,6 +66,9 @@ def select(
         tell: takes a line on what is being done.
         until: deadline by `time.monotonic` [s], given the number of effects that the validation will leave out.
     """
+    periods = longest_periods(proposals(problem.setting, base.plant, base.known))
+    prior = dataclasses.replace(problem.likelihood.prior, periods=periods)
+    problem = dataclasses.replace(problem, likelihood=dataclasses.replace(problem.likelihood, prior=prior))
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []
     seen = {frozenset(base.free)}

@@ -138,6 +138,18 @@ def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candi
     return [c for c in found if is_apart(c.kind) or not c.finite or c.name not in absent]
 
 
+def longest_periods(every: Sequence[Candidate]) -> dict[str, float]:
+    """The longest period of each effect that repeats, by its parameter's name: a longer one recordings do not show
+    twice, and one wave is like any other smooth law.
+    """
+    out: dict[str, float] = {}
+    for candidate in every:
+        if isinstance(period := candidate.values.get("period"), float):
+            name = candidate.group("period")
+            out[name] = max(out.get(name, 0.0), period)
+    return out
+
+
 def _from_absence(candidate: Candidate) -> Candidate:
     """A candidate at a place where it is absent and has a gradient, if its law has one."""
     if candidate.kind == "actuator_lag":

@@ -222,7 +222,7 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> ND
     each = np.einsum("wc,wcij->wij", weight, normal.products)
     total = each.sum(axis=0)
     precision, gradient = problem.likelihood.prior.terms(space.table, point.free, point.vector, np.diag(total)[:n])
-    low, high = space.table.bounds()
+    low, high = problem.likelihood.prior.bounds(space.table)
     at = point.vector[point.free]
     least, most = low[point.free] - at, high[point.free] - at
 

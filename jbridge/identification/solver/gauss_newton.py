@@ -111,7 +111,7 @@ def _parameter_step(
 ) -> NDArray[np.float64]:
     """Damped Gauss-Newton step of the free parameters within their bounds."""
     free, vector = point.free, point.vector
-    low, high = table.bounds()
+    low, high = prior.bounds(table)
     total = np.einsum("wc,wcij->ij", weight, normal.products)
     n = len(free)
     precision, gradient = prior.terms(table, free, vector, np.diag(total)[:n])
