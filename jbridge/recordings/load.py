@@ -293,7 +293,10 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
         )
     if longest > 10 * period:
         moment = times[np.diff(times).argmax()]
-        notes.append(f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it.")
+        notes.append(
+            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it. If another run"
+            " begins there, cut the file."
+        )
     if "psi" in channels.values:
         angle = abs(float(np.median(channels.values["psi"])))
         if abs(angle % (2 * np.pi) - np.pi) < 0.3:
@@ -301,6 +304,11 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
                 f"The angle rests near {angle:.3g} rad; if its zero is upright, declare the reading at"
                 " hanging as the offset of psi."
             )
+    u, x = (channels.values.get(name) for name in ("u_x", "x"))
+    if u is not None and x is not None and u.min() >= 0.0 < u.max() and both_ways(x):
+        notes.append(
+            "u_x is never negative, but the cart goes both ways: give u_x its sign if the log has it elsewhere."
+        )
     for gain, value in channels.gains.items():
         if gain not in declared.override:
             notes.append(f"The unit of the input tells the drive's gain: {gain} = {value:.6g} is known.")
@@ -311,6 +319,12 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
         if hold.held:
             notes.append(held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows"))
     return notes
+
+
+def both_ways(x: np.ndarray) -> bool:
+    """Says whether a cart goes a tenth of its way, or more, in each direction."""
+    least = 0.1 * np.ptp(x)
+    return bool(np.max(x - np.minimum.accumulate(x)) > least and np.max(np.maximum.accumulate(x) - x) > least)
 
 
 def lost_notes(times: np.ndarray, lost: dict[str, np.ndarray]) -> list[str]:

@@ -171,3 +171,11 @@ def test_a_recording_shows_itself_in_a_line():
     t = 0.01 * np.arange(200)
     recording = Recording.from_arrays(t=t, u_x=np.sin(t), x=0.5 + 0.1 * np.sin(t))
     assert repr(recording) == f"<Recording {recording.name}: 200 rows, 1.99 s, u_x, x>"
+
+
+@pytest.mark.parametrize(("unsigned", "noted"), [(True, True), (False, False)])
+def test_an_input_without_its_sign_is_noted(unsigned, noted):
+    t = 0.01 * np.arange(400)
+    u = np.sin(3.0 * t)
+    recording = Recording.from_arrays(t=t, u_x=np.abs(u) if unsigned else u, x=0.5 - 0.1 * np.cos(3.0 * t))
+    assert any("u_x is never negative" in note for note in recording.notes) == noted
