@@ -20,6 +20,7 @@ from jbridge.recordings.plausibility.units import (
     doubtful_angle,
     doubtful_names,
     doubtful_units,
+    leap_notes,
 )
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
@@ -294,9 +295,10 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
     if longest > 10 * period:
         moment = times[np.diff(times).argmax()]
         notes.append(
-            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it. If another run"
-            " begins there, cut the file."
+            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it. If another"
+            " run begins there, cut the file."
         )
+    notes += leap_notes(channels)
     if "psi" in channels.values:
         angle = abs(float(np.median(channels.values["psi"])))
         if abs(angle % (2 * np.pi) - np.pi) < 0.3:

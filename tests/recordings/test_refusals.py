@@ -158,13 +158,6 @@ REFUSED = {
     ),
     "rows in reverse": (lambda lines: "\n".join([lines[0], *lines[:0:-1]]), ["falls from row to row", "sort"]),
     "a position that slips": (replaced(61, 3, "9"), ["row 61", "column x", "away from the row above"]),
-    "an angle of one row": (replaced(61, 4, "2.5"), ["row 61", "column psi", "rad away from the row above"]),
-    "rows that are missing": (
-        lambda lines: "\n".join(lines[:200] + [
-            f"{0.005 * k:.4f}," + line.split(",", 1)[1] for k, line in enumerate(lines[260:], 199)
-        ]),
-        ["row 201", "away from the row above", "cut the file there"],
-    ),
     "an unknown name for the position": (
         header(lambda name: "y" if name == "x" else name),
         ["u_x varies, but there is no x", "y, declare it, such as", "x = {column = \"y"],

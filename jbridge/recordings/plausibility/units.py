@@ -133,28 +133,42 @@ def doubtful_rest(channels: Channels, way: float) -> Iterator[InputError]:
 
 
 def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
-    """Yields the refusals of positions, lengths and angles that leap from one row to the next as nothing moves."""
+    """Yields the refusals of positions and lengths that leap through half their range from one row to the next."""
     times = channels.values["t"]
-    for name in LEAST:
+    for name in ("x", "l"):
         values = channels.values.get(name)
         if values is None:
             continue
-        leaps = leaping(times, values, *LEAST[name])
-        if name != "psi":
-            through = np.maximum(HALF * np.ptp(values), LONGEST * np.maximum(np.diff(times), SLIP))
-            leaps |= np.abs(np.diff(values)) > through
+        steps = np.abs(np.diff(values))
+        leaps = steps > np.maximum(HALF * np.ptp(values), LONGEST * np.maximum(np.diff(times), SLIP))
         if leaps.any():
             sample = int(leaps.argmax()) + 1
-            step, unit = abs(values[sample] - values[sample - 1]), "rad" if name == "psi" else "m"
-            other = {"x": "u_x", "l": "u_l"}.get(name)
-            remedy = "correct or delete the row, or cut the file there if another run begins"
-            remedy += f", or declare another column for {name} if this is an input such as {other}" if other else ""
+            other = "u_x" if name == "x" else "u_l"
             yield channels.error(
                 sample,
                 name,
-                f"{step:.3g} {unit} away from the row above, {1e3 * (times[sample] - times[sample - 1]):.3g} ms"
-                f" before, faster than any motion; {remedy}{FORCE}",
+                f"{steps[sample - 1]:.3g} m away from the row above, {1e3 * (times[sample] - times[sample - 1]):.3g} ms"
+                f" before, faster than any motion; correct or delete the row, or declare another column for {name} if"
+                f" this is an input such as {other}{FORCE}",
             )
+
+
+def leap_notes(channels: Channels) -> list[str]:
+    """Returns sentences on smaller leaps, one for each channel: a fit goes on beside a few of them."""
+    times, notes = channels.values["t"], []
+    for name, limits in LEAST.items():
+        values = channels.values.get(name)
+        if values is None:
+            continue
+        rows = np.flatnonzero(leaping(times, values, *limits)) + 1
+        if rows.size:
+            step, unit = abs(values[rows[0]] - values[rows[0] - 1]), "rad" if name == "psi" else "m"
+            more = f", and in {rows.size - 1} more rows" if rows.size > 1 else ""
+            notes.append(
+                f"{name} leaps by {step:.3g} {unit} in one row at {times[rows[0]]:.6g} s{more}, as nothing moves:"
+                " delete wrong rows; where rows are missing, or another run begins, cut the file."
+            )
+    return notes
 
 
 def leaping(times: np.ndarray, values: np.ndarray, least: float, fastest: float) -> np.ndarray:
