@@ -188,7 +188,9 @@ def test_a_sugeno_output_may_have_equal_ends(tmp_path):
         (SUGENO, ("2, 2 (1) : 1", "2, -2 (1) : 1"), "cannot be negated"),
         (SUGENO, ("2, 2 (1) : 1", "0, 2 (1) : 1"), "the rule names no input or no output"),
         (SUGENO, ("2, 2 (1) : 1", "2, 0 (1) : 1"), "the rule names no input or no output"),
-        (SUGENO, ("[2 1]", "[1]"), "linear needs 2 finite numbers"),
+        (SUGENO, ("[2 1]", "[1]"), "linear needs 2 numbers"),
+        (SUGENO, ("[2 1]", "[NaN 1]"), "linear has a number that is not finite"),
+        (SUGENO, ("[2 1]", "[1_0 1]"), "is not a list of numbers"),
     ],
 )
 def test_what_is_wrong_with_a_fis_file_is_said(tmp_path, text, change, complaint):

@@ -141,8 +141,11 @@ class _Reader:
         return wanted
 
     def numbers(self, line: int, text: str) -> list[float]:
+        words = _bare(text).strip("[]").replace(",", " ").split()
         try:
-            return [float(word) for word in _bare(text).strip("[]").replace(",", " ").split()]
+            if any("_" in word for word in words):  # Python reads 1_0 as 10
+                raise ValueError
+            return [float(word) for word in words]
         except ValueError:
             self.complain(line, f"{quoted(text)} is not a list of numbers")
 
@@ -186,13 +189,16 @@ class _Reader:
     def functions(self, section: str, inputs: int) -> Conclusions:
         name, low, high, members = self.variable(section)
         made = []
-        for line, _, kind, numbers in members:
+        for line, _, written, numbers in members:
+            kind = written.lower()
             wanted = {"constant": 1, "linear": inputs + 1}.get(kind)
             if wanted is None:
-                self.complain(line, f"a Sugeno conclusion is constant or linear, not {quoted(kind)}")
+                self.complain(line, f"a Sugeno conclusion is constant or linear, not {quoted(written)}")
             numbers = _unpadded(numbers, wanted)
-            if len(numbers) != wanted or not np.isfinite(numbers).all():
-                self.complain(line, f"{kind} needs {wanted} finite numbers, not {len(numbers)}: {numbers}")
+            if len(numbers) != wanted:
+                self.complain(line, f"{kind} needs {wanted} numbers, not {len(numbers)}: {numbers}")
+            if not np.isfinite(numbers).all():
+                self.complain(line, f"{kind} has a number that is not finite: {numbers}")
             made.append(Linear(as_number(numbers[:-1] or [0.0] * inputs), as_number(numbers[-1])))
         labels = tuple(label for _, label, _, _ in members)
         return Conclusions(name, as_number(low), as_number(high), labels, tuple(made))
