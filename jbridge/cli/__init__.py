@@ -1,7 +1,8 @@
 """The command `jbridge`: demo, check, diagnose, fit, simulate, control, tune, export, sweep.
 
 Exit status 0 whatever the verdict; 2 for input that a person can correct, with one line on what to do and nothing
-written; 130 when interrupted. Everything else is a bug and shows its traceback.
+written (but for `control`, which compares the controllers beside one whose loop runs away); 130 when interrupted.
+Everything else is a bug and shows its traceback.
 """
 
 import argparse

@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         except InputError as error:
             failed[name] = str(error)
     if not runs:
-        raise InputError("; ".join(failed.values()))
+        raise InputError("; ".join(dict.fromkeys(failed.values())))
     alone = len(controllers) == 1
     folders = {name: Path(arguments.out) if alone else Path(arguments.out) / name for name in runs}
     texts = []
@@ -73,4 +73,4 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     # Those that run are compared all the same.
     console.show("\n".join(texts), lambda: {name: written(folder, "control.json") for name, folder in folders.items()})
     if failed:
-        raise InputError("; ".join(failed.values()))
+        raise InputError("; ".join(dict.fromkeys(failed.values())))

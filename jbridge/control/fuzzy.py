@@ -12,7 +12,7 @@ from ..fuzzy.inference import AbstractSystem
 from ..fuzzy.membership import as_number
 from ..fuzzy.norms import Softness
 from .base import AbstractController, Differences, Reference
-from .compensation import Compensation, limits_of
+from .compensation import LIMITS, Compensation
 
 INPUTS = {"cart": ("error", "velocity", "angle"), "hoist": ("error", "velocity")}
 """What the system of each axis can be asked with."""
@@ -64,8 +64,7 @@ class FuzzyController(AbstractController):
         command = jnp.stack(list(volts))
         if self.compensation is not None:
             return self.compensation(command), state
-        limits = limits_of(self)
-        return jnp.clip(command, -limits, limits), state
+        return jnp.clip(command, -jnp.asarray(LIMITS), jnp.asarray(LIMITS)), state
 
     def inputs(
         self, measured: Axes, reference: Reference, period: float

@@ -16,6 +16,8 @@ LARGEST = 1e6
 LEAST_SAMPLES = 50
 SHORTEST = 1e-6
 """Time between rows [s] that no log of a rig has: times that differ by less come from arithmetic, not from a clock."""
+USUAL = 0.01
+"""Time between the rows of a log [s], as far as units are told by it."""
 OFTEN = 0.05
 """Share of rows with a wrong time from which the column is at fault, not a few rows."""
 FASTEST = 50e-6
@@ -54,7 +56,8 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray, column: Column) ->
     if bad.any():
         sample = int(bad.argmax())
         if name == "t":
-            remedy = f"count time from the start of the run: {from_its_start(column, values).line('t')} under [columns]"
+            line = from_its_start(column, values).line("t")
+            remedy = f"count time from the start of the run, in its unit: {line} under [columns]"
         else:
             declared = f'{name} = {{column = {json.dumps(column.name, ensure_ascii=False)}, unit = "..."}}'
             remedy = f"correct it, or declare its unit under [columns]: {declared}"
@@ -62,15 +65,14 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray, column: Column) ->
 
 
 def from_its_start(column: Column, times: np.ndarray) -> Column:
-    """Returns the column of times [s] such that they begin at 0, in the unit that makes their steps those of a log."""
+    """Returns the column of times [s] such that they begin at 0, in the unit whose steps are most like a log's."""
     size = UNITS["t"][column.unit] if column.scale is None else column.scale
-    step, offset = float(np.median(np.diff(times))), float(times[0]) / size + column.offset
-    if step <= SLOWEST:
+    offset, step = column.sign * float(times[0]) / size + column.offset, abs(float(np.median(np.diff(times)))) / size
+    if column.scale is not None:
         return replace(column, offset=offset)
-    for name, unit in UNITS["t"].items():
-        if FASTEST <= step / size * unit <= SLOWEST:
-            return replace(column, unit=name, scale=None, offset=offset)
-    return replace(column, unit="count", scale=1e-9, offset=offset)
+    sizes = {**UNITS["t"], "count": 1e-9}
+    unit = min(sizes, key=lambda name: abs(np.log(max(step, 1e-300) * sizes[name] / USUAL)))
+    return replace(column, unit=unit, scale=sizes[unit] if unit == "count" else None, offset=offset)
 
 
 def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:

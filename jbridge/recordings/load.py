@@ -324,8 +324,8 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
 
 
 def both_ways(x: np.ndarray) -> bool:
-    """Says whether a cart goes a tenth of its way, or more, in each direction."""
-    least = 0.1 * np.ptp(x)
+    """Says whether a cart goes a tenth of its way, and more than a centimetre, in each direction."""
+    least = max(0.1 * float(np.ptp(x)), 0.01)
     return bool(np.max(x - np.minimum.accumulate(x)) > least and np.max(np.maximum.accumulate(x) - x) > least)
 
 

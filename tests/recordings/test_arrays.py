@@ -173,25 +173,26 @@ def test_a_recording_shows_itself_in_a_line():
     assert repr(recording) == f"<Recording {recording.name}: 200 rows, 1.99 s, u_x, x>"
 
 
-@pytest.mark.parametrize(("unsigned", "noted"), [(True, True), (False, False)])
-def test_an_input_without_its_sign_is_noted(unsigned, noted):
+@pytest.mark.parametrize(("unsigned", "way", "noted"), [(True, 0.1, True), (False, 0.1, False), (True, 1e-3, False)])
+def test_an_input_without_its_sign_is_noted(unsigned, way, noted):
     t = 0.01 * np.arange(400)
     u = np.sin(3.0 * t)
-    recording = Recording.from_arrays(t=t, u_x=np.abs(u) if unsigned else u, x=0.5 - 0.1 * np.cos(3.0 * t))
+    recording = Recording.from_arrays(t=t, u_x=np.abs(u) if unsigned else u, x=0.5 - way * np.cos(3.0 * t))
     assert any("u_x is never negative" in note for note in recording.notes) == noted
 
 
 @pytest.mark.parametrize(
     "slip",
     [
-        lambda t, x, psi: (t[:-40], np.delete(x, range(100, 140)), np.delete(psi, range(100, 140))),
-        lambda t, x, psi: (t, x, np.where(np.arange(t.size) == 200, 0.9, psi)),
-        lambda t, x, psi: (t, x + 0.06 * (t > 2.0), psi),
+        lambda t, x, psi: (t[:-40], np.delete(x, range(60, 100)), np.delete(psi, range(60, 100))),
+        lambda t, x, psi: (t, x, np.where(np.arange(t.size) == 50, 0.9, psi)),
+        lambda t, x, psi: (t, x + 0.06 * (t > 0.5), psi),
     ],
     ids=["rows that are missing", "a row", "a homing"],
 )
-def test_leaps_are_noted(slip):
-    t, key = 0.01 * np.arange(400), np.random.default_rng(0)
+@pytest.mark.parametrize("count", [120, 400])
+def test_leaps_are_noted(slip, count):
+    t, key = 0.01 * np.arange(count), np.random.default_rng(0)
     x = 0.5 - 0.2 * np.cos(3.0 * t) + 1e-4 * key.standard_normal(t.size)
     psi = 0.2 * np.sin(4.0 * t) + 1e-3 * key.standard_normal(t.size)
     for times, place, angle, noted in ((t, x, psi, False), (*slip(t, x, psi), True)):

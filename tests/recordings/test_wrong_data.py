@@ -10,6 +10,7 @@ import pytest
 from jbridge.errors import InputError
 from jbridge.recordings import load_recording
 from jbridge.recordings.tables.clock import clock_seconds
+from jbridge.recordings.tables.columns import near_column
 from jbridge.recordings.tables.csv_lines import drop_comments
 from jbridge.recordings.tables.csv_table import read_csv
 
@@ -191,6 +192,12 @@ def test_a_column_of_text_that_is_no_channel_is_left_out(tmp_path, cells):
 def test_a_column_that_may_be_the_angle_is_asked_for(tmp_path, name):
     with pytest.raises(InputError, match=r"not used, and there is no psi; declare psi = \{column = "):
         recording_of(tmp_path, f"t,x,l,{name}", range(400), "")
+
+
+def test_a_motors_encoder_is_no_input():
+    assert near_column("u_x", ["t", "motor_encoder"]) is None
+    found = near_column("u_x", ["motor_encoder", "motor_voltage"])
+    assert found is not None and found.name == "motor_voltage"
 
 
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):

@@ -175,7 +175,7 @@ def misread_swing(
         return None
     way, size = 1.0 if scale > 0 else -1.0, abs(scale)
     size = float(minimize_scalar(lambda size: left(way * size), bounds=(0.9 * size, 1.1 * size)).x)
-    return Misread(size, way < 0)
+    return Misread(size, way < 0) if max(size, 1.0 / size) >= RIGHT else None
 
 
 def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:

@@ -83,8 +83,10 @@ def contradicted_scale(channels: Channels, factor: float) -> InputError:
         factor: by which the position is too small, or the angle too large.
     """
     x, psi = channels.columns["x"], channels.columns["psi"]
-    if psi.scale is None and psi.unit != "rad" and isclose(factor, UNITS["psi"][psi.unit], rel_tol=LIKE):
-        return refusal(channels, "psi", "the load swings too little for the way of its cart", factor=1 / factor)
+    sizes = UNITS["psi"]
+    if psi.scale is None and any(isclose(sizes[psi.unit] / factor, other, rel_tol=LIKE) for other in sizes.values()):
+        how = "little" if factor < 1 else "far"
+        return refusal(channels, "psi", f"the load swings too {how} for the way of its cart", factor=1 / factor)
     far = f"{max(factor, 1 / factor):.3g} times too {'little' if factor > 1 else 'far'}"
     size = UNITS["x"][x.unit] if x.scale is None else x.scale
     if x.scale is None and any(isclose(factor * size, other, rel_tol=LIKE) for other in UNITS["x"].values()):

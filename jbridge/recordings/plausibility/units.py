@@ -25,6 +25,8 @@ HALF, SLIP = 0.5, 0.01
 counted for that, so that noise between close rows is no motion."""
 LEAP = 10.0
 """Multiple of what steps from row to row usually differ by (of which 1 % exceed it) that no motion adds to one."""
+LEFT_OUT = 6
+"""Largest changes from step to step that do not count for what is usual: two wrong rows have as many."""
 LEAST = {"x": (0.02, 200.0), "l": (0.02, 200.0), "psi": (0.05, 1000.0)}
 """Step [m, rad], beyond those of the rows around, that is more than a few counts that a sensor missed, and acceleration
 [m/s², rad/s²] that no rig reaches."""
@@ -102,7 +104,7 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
                 what = f"{speed:.3g} m/s is faster than any cart"
             # Rails and ropes of laboratories have some decimetres to a few metres.
             factor = 1e-2 if size < 200 else 1e-3 if size < 20_000 else 1e-6
-            if 100 < size < 500:
+            if 100 < size < 500 and channels.columns[name].scale is None and channels.columns[name].unit == "m":
                 what += f" ({1e-2 * size:.2g} m if it is in cm, {1e-3 * size:.2g} m in mm)"
             yield refusal(channels, name, what, factor=factor)
         elif name == "x" and 0 < size < SMALLEST:
@@ -154,7 +156,10 @@ def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
 
 
 def leap_notes(channels: Channels) -> list[str]:
-    """Returns sentences on smaller leaps, one for each channel: a fit goes on beside a few of them."""
+    """Returns sentences on smaller leaps, one for each channel: a fit goes on beside a few of them.
+
+    At 20 rows a second a rig may go so far from one to the next that none is told from motion.
+    """
     times, notes = channels.values["t"], []
     for name, limits in LEAST.items():
         values = channels.values.get(name)
@@ -163,7 +168,8 @@ def leap_notes(channels: Channels) -> list[str]:
         rows = np.flatnonzero(leaping(times, values, *limits)) + 1
         if rows.size:
             step, unit = abs(values[rows[0]] - values[rows[0] - 1]), "rad" if name == "psi" else "m"
-            more = f", and in {rows.size - 1} more rows" if rows.size > 1 else ""
+            # A wrong row is one step away from the last and one from the next.
+            more = f", and {rows.size - 1} times more" if rows.size > 2 else ""
             notes.append(
                 f"{name} leaps by {step:.3g} {unit} in one row at {times[rows[0]]:.6g} s{more}, as nothing moves:"
                 " delete wrong rows; where rows are missing, or another run begins, cut the file."
@@ -184,7 +190,8 @@ def leaping(times: np.ndarray, values: np.ndarray, least: float, fastest: float)
     padded = np.pad(np.abs(steps), 3, mode="reflect") if steps.size > 3 else np.pad(np.abs(steps), 3)
     around = [padded[3 + k : 3 + k + steps.size] for k in (-3, -2, -1, 1, 2, 3)]
     further = np.abs(steps) - np.median(around, axis=0)
-    bends = np.abs(np.diff(steps))
+    # Bends of the leaps themselves, a few, are no yardstick.
+    bends = np.sort(np.abs(np.diff(steps)))[:-LEFT_OUT]
     usual = float(np.quantile(bends[bends > 0], 0.99)) if (bends > 0).any() else 0.0
     return further > np.maximum(max(LEAP * usual, least), fastest * apart**2)
 

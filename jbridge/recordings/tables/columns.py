@@ -153,7 +153,8 @@ def near_column(channel: str, names: Iterable[str]) -> Column | None:
         unit = SPELLINGS.get(words[-1], words[-1])
         told = unit in UNITS[channel]
         bare = words[:-1] if told and len(words) > 1 else words
-        bare = [word for word in bare if word not in MEASURED_AS] or bare
+        if not channel.startswith("u_"):
+            bare = [word for word in bare if word not in MEASURED_AS] or bare
         if is_near("".join(bare), NEAR[channel]):
             return Column(name, unit if told else plain_column(channel).unit)
     return None
