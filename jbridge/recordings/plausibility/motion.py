@@ -122,25 +122,43 @@ class Misread:
     """Whether the angle, or the position, has the other sign."""
 
 
-def swing_errors(cells: Cells, factor: float) -> np.ndarray:
-    """Returns what the load's equation leaves [m/s²], if the cart's position is `factor` times what was read.
+@dataclass(frozen=True)
+class SwingTerms:
+    """Terms of the load's equation by cell, without their means [m/s²]."""
 
-    -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for a
-    cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
-    anywhere near hanging or near upright.
-    """
+    turning: np.ndarray
+    """`l psi'' + 2 l' psi'`"""
+    weight: np.ndarray
+    """`g sin(psi)`"""
+    carried: np.ndarray
+    """`x'' cos(psi)`"""
+
+    def errors(self, factor: float) -> np.ndarray:
+        """Returns what the equation leaves [m/s²], if the cart's position is `factor` times what was read.
+
+        -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for
+        a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
+        anywhere near hanging or near upright.
+        """
+        force = self.weight + factor * self.carried
+        share = -np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300)
+        hanging, upright = (np.clip(way * share, 0.5, 2.0) * self.turning + way * force for way in (1.0, -1.0))
+        return min((hanging, upright), key=lambda left: float(np.dot(left, left)))
+
+
+def swing_terms(cells: Cells) -> SwingTerms:
+    """Returns the terms of the load's equation."""
     psi, l = cells.middle("psi"), cells.middle("l")
     turning = l * cells.acceleration("psi")
     if np.ptp(l) > 0:
         turning = turning + 2 * cells.rate("l") * cells.rate("psi")
-    force = GRAVITY * cells.middle("sin")
-    if factor:
-        force = force + factor * cells.acceleration("x") * np.cos(psi)
-    turning, force = turning[cells.whole], force[cells.whole]
-    turning, force = turning - turning.mean(), force - force.mean()
-    share = -np.dot(turning, force) / max(float(np.dot(turning, turning)), 1e-300)
-    of_zeros = [np.clip(share, 0.5, 2.0) * turning + force, np.clip(-share, 0.5, 2.0) * turning - force]
-    return min(of_zeros, key=lambda left: float(np.sum(left**2)))
+    parts = (turning, GRAVITY * cells.middle("sin"), cells.acceleration("x") * np.cos(psi))
+    return SwingTerms(*(part[cells.whole] - part[cells.whole].mean() for part in parts))
+
+
+def swing_errors(cells: Cells, factor: float) -> np.ndarray:
+    """Returns what the load's equation leaves, see `SwingTerms.errors`."""
+    return swing_terms(cells).errors(factor)
 
 
 def misread_swing(
@@ -156,19 +174,20 @@ def misread_swing(
     cells = swing_cells(times, psi, x, l)
     if cells is None:
         return None
+    terms = swing_terms(cells)
 
     def left(factor: float) -> float:
-        return float(np.sum(swing_errors(cells, factor) ** 2))
+        return float(np.sum(terms.errors(factor) ** 2))
 
     def certain(factor: float, worse: float) -> bool:
         # The cart must be needed at all: a position that is mere noise is best left out.
-        errors = swing_errors(cells, factor)
-        needed = certainly_better(swing_errors(cells, 0.0), errors, worse=worse / 2)
-        return needed and certainly_better(swing_errors(cells, 1.0), errors, worse=worse)
+        errors = terms.errors(factor)
+        needed = certainly_better(terms.errors(0.0), errors, worse=worse / 2)
+        return needed and certainly_better(terms.errors(1.0), errors, worse=worse)
 
     sizes, likely = [*FACTORS, *(1.0 / f for f in FACTORS)], [1.0, *units]
     scale, unit = (min([way * f for f in each for way in (1.0, -1.0)], key=left) for each in (sizes, likely))
-    as_scale, as_unit = swing_errors(cells, scale), swing_errors(cells, unit)
+    as_scale, as_unit = terms.errors(scale), terms.errors(unit)
     if certain(unit, WORSE) and not certainly_better(as_unit, as_scale, worse=OTHER_SCALE):
         return Misread(abs(unit), unit < 0)
     if not certain(scale, OTHER_SCALE):
