@@ -12,6 +12,7 @@ from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
+from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
@@ -20,7 +21,6 @@ from jbridge.recordings.plausibility.units import (
     doubtful_angle,
     doubtful_names,
     doubtful_units,
-    leap_notes,
 )
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
@@ -281,67 +281,6 @@ def read_only(values: np.ndarray) -> np.ndarray:
 
 def all_extras(channels: Channels, parts: Parts) -> dict[str, np.ndarray]:
     return channels.extras | {name: channels.values[name] for name in parts.unused}
-
-
-def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float], holds: dict[str, Hold]) -> list[str]:
-    """Returns the sentences on what the numbers themselves show."""
-    notes = [f"Declarations come from {declared.source}."] if declared.source else []
-    times = channels.values["t"]
-    period, longest = float(np.median(np.diff(times))), float(np.diff(times).max())
-    if period > 1:
-        notes.append(
-            f'There is one row per {period:.3g} s; if the time is in ms, declare it: t = {{column = "t", unit = "ms"}}.'
-        )
-    if longest > 10 * period:
-        moment = times[np.diff(times).argmax()]
-        notes.append(
-            f"The longest gap between rows is {longest:.3g} s, at {moment:.6g} s; inputs are held over it. If another"
-            " run begins there, cut the file."
-        )
-    notes += leap_notes(channels)
-    if "psi" in channels.values:
-        angle = abs(float(np.median(channels.values["psi"])))
-        if abs(angle % (2 * np.pi) - np.pi) < 0.3:
-            notes.append(
-                f"The angle rests near {angle:.3g} rad; if its zero is upright, declare the reading at"
-                " hanging as the offset of psi."
-            )
-    u, x = (channels.values.get(name) for name in ("u_x", "x"))
-    if u is not None and x is not None and u.min() >= 0.0 < u.max() and both_ways(x):
-        notes.append(
-            "u_x is never negative, but the cart goes both ways: give u_x its sign if the log has it elsewhere."
-        )
-    for gain, value in channels.gains.items():
-        if gain not in declared.override:
-            notes.append(f"The unit of the input tells the drive's gain: {gain} = {value:.6g} is known.")
-    for name, hold in holds.items():
-        size, unit = resolution[name], "rad" if name == "psi" else "m"
-        if name not in declared.resolution and size > 0:
-            notes.append(f"The values of {name} lie on a grid of {size:.4g} {unit}, taken as its count.")
-        if hold.held:
-            notes.append(held_note(name, hold, "as declared" if name in declared.hold else "as its motion shows"))
-    return notes
-
-
-def both_ways(x: np.ndarray) -> bool:
-    """Says whether a cart goes a tenth of its way, and more than a centimetre, in each direction."""
-    least = max(0.1 * float(np.ptp(x)), 0.01)
-    return bool(np.max(x - np.minimum.accumulate(x)) > least and np.max(np.maximum.accumulate(x) - x) > least)
-
-
-def lost_notes(times: np.ndarray, lost: dict[str, np.ndarray]) -> list[str]:
-    """Returns one sentence per channel of which the log lost rows."""
-    return [
-        f"The log lost {np.count_nonzero(rows)} rows of {name}, the first at {times[rows.argmax()]:.6g} s, and repeated"
-        " a neighbour's value while the rig moved on; they are not counted."
-        for name, rows in lost.items()
-        if rows.any()
-    ]
-
-
-def held_note(name: str, hold: Hold, how: str) -> str:
-    rate = f" about every {hold.period * 1000:.0f} ms" if hold.period else ""
-    return f"The sensor of {name} gives a new sample{rate} and repeats it in between, {how}; repeats are not counted."
 
 
 def share_holds(reading: Reading, readings: Sequence[Reading]) -> Recording:

@@ -156,11 +156,6 @@ def swing_terms(cells: Cells) -> SwingTerms:
     return SwingTerms(*(part[cells.whole] - part[cells.whole].mean() for part in parts))
 
 
-def swing_errors(cells: Cells, factor: float) -> np.ndarray:
-    """Returns what the load's equation leaves, see `SwingTerms.errors`."""
-    return swing_terms(cells).errors(factor)
-
-
 def misread_swing(
     times: np.ndarray, psi: Samples, x: Samples | None, l: Samples, units: Collection[float] = (0.01, 0.001)
 ) -> Misread | None:

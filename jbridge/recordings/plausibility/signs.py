@@ -15,7 +15,7 @@ from jbridge.recordings.plausibility.motion import (
     certainly_better,
     misread_swing,
     swing_cells,
-    swing_errors,
+    swing_terms,
 )
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
 from jbridge.recordings.recording import MEASURED, Recording
@@ -166,7 +166,7 @@ def is_swapped(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> bool:
             return False
         parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"), cells.acceleration("x"))
         size = sum(float(np.var(part[cells.whole])) for part in parts)
-        errors = min((swing_errors(cells, way) for way in (1.0, -1.0)), key=lambda e: float(np.sum(e**2)))
+        errors = min((swing_terms(cells).errors(way) for way in (1.0, -1.0)), key=lambda e: float(np.sum(e**2)))
         left.append(errors / np.sqrt(max(size, 1e-300)))
     as_read, exchanged = left
     return float(np.mean(exchanged**2)) < HOLDS and certainly_better(as_read, exchanged)

@@ -12,7 +12,7 @@ from jbridge.errors import InputError, cut, listed
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, excess_of_angle, with_longer_unit
 from jbridge.recordings.plausibility.drive import CELL
-from jbridge.recordings.plausibility.motion import swing_cells, swing_errors
+from jbridge.recordings.plausibility.motion import swing_cells, swing_terms
 from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
 from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
 
@@ -104,7 +104,7 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
                 what = f"{speed:.3g} m/s is faster than any cart"
             # Rails and ropes of laboratories have some decimetres to a few metres.
             factor = 1e-2 if size < 200 else 1e-3 if size < 20_000 else 1e-6
-            if 100 < size < 500 and channels.columns[name].scale is None and channels.columns[name].unit == "m":
+            if channels.columns[name].scale is None and channels.columns[name].unit == "m":
                 what += f" ({1e-2 * size:.2g} m if it is in cm, {1e-3 * size:.2g} m in mm)"
             yield refusal(channels, name, what, factor=factor)
         elif name == "x" and 0 < size < SMALLEST:
@@ -153,28 +153,6 @@ def doubtful_jumps(channels: Channels) -> Iterator[InputError]:
                 f" before, faster than any motion; correct or delete the row, or declare another column for {name} if"
                 f" this is an input such as {other}{FORCE}",
             )
-
-
-def leap_notes(channels: Channels) -> list[str]:
-    """Returns sentences on smaller leaps, one for each channel: a fit goes on beside a few of them.
-
-    At 20 rows a second a rig may go so far from one to the next that none is told from motion.
-    """
-    times, notes = channels.values["t"], []
-    for name, limits in LEAST.items():
-        values = channels.values.get(name)
-        if values is None:
-            continue
-        rows = np.flatnonzero(leaping(times, values, *limits)) + 1
-        if rows.size:
-            step, unit = abs(values[rows[0]] - values[rows[0] - 1]), "rad" if name == "psi" else "m"
-            # A wrong row is one step away from the last and one from the next.
-            more = f", and {rows.size - 1} times more" if rows.size > 2 else ""
-            notes.append(
-                f"{name} leaps by {step:.3g} {unit} in one row at {times[rows[0]]:.6g} s{more}, as nothing moves:"
-                " delete wrong rows; where rows are missing, or another run begins, cut the file."
-            )
-    return notes
 
 
 def leaping(times: np.ndarray, values: np.ndarray, least: float, fastest: float) -> np.ndarray:
@@ -230,7 +208,7 @@ def unit_of_angle(
         if cells is not None:
             parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"))
             size = sum(float(np.var(part[cells.whole])) for part in parts)
-            errors = [float(np.mean(swing_errors(cells, way) ** 2)) for way in (1.0, -1.0)]
+            errors = [float(np.mean(swing_terms(cells).errors(way) ** 2)) for way in (1.0, -1.0)]
             left[unit] = min(errors) / max(size, 1e-300)
     if len(left) == len(called) and 1.1 * min(left.values()) < max(left.values()):
         unit = min(left, key=lambda name: left[name])
