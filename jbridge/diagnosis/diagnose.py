@@ -38,7 +38,7 @@ from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
 from .validation.refits import of_its_own
 from .validation.validate import Validation, unopened, validate, whole_errors
-from .words import amount, verdict_sentence
+from .words import amount, own_number_sentence, verdict_sentence
 
 BUDGET = 300.0
 """Time that a diagnosis takes, about [s]."""
@@ -184,6 +184,16 @@ def _told(
         stopped=search.stopped,
     )
     rivals = contenders(search, effects) if opened else []
+    apart = [
+        own_number_sentence(
+            own.recording,
+            own.number,
+            amount(own.value, values[own.number].unit),
+            own.value / own.given if own.given else None,
+            own.closed,
+        )
+        for own in checked.own
+    ]
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})
     return Diagnosis(
@@ -222,7 +232,7 @@ def _told(
         trials=_trials(search),
         not_seen=not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
         next_experiment=next_experiment(rivals, problem, tell) if len(rivals) > 1 else None,
-        warnings=tuple(doubts),
+        warnings=(*apart, *doubts),
         settings=dataclasses.asdict(CRITERIA) | {"seed": 0},
     )
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
-from ..model.names import explanation_name, quantity_name, site_name, spaced
+from ..model.names import explanation_name, number_name, quantity_name, site_name, spaced
 from .result import NamedEffect, Rival
 from .structures.candidates import WRONG_VALUE
 
@@ -72,6 +72,24 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
         others = " or ".join(explanation_name(r.kind, r.site) for r in rivals)
         text += f" These recordings cannot tell it from {others}."
     return text
+
+
+def own_number_sentence(recording: str, number: str, value: str, ratio: float | None, closed: float) -> str:
+    """A number that one recording asks for and the others do not.
+
+    Args:
+        recording: its name.
+        number: the bridge's parameter.
+        value: what it asks for, with the unit.
+        ratio: over the model's, None where that is 0.
+        closed: share of its error that closes.
+    """
+    times = "" if ratio is None else f", {_times(ratio)} times the model's,"
+    return (
+        f"{recording} differs from the other recordings: with a {number_name(number)} of {value}{times} for it alone, "
+        f"{share_of(closed)} of its excess squared error would be gone. If the rig was set up differently, give that "
+        f"number under [override] in its sidecar; if not, leave the recording out, or look for what changed."
+    )
 
 
 def _times(ratio: float) -> str:

@@ -80,8 +80,11 @@ class Problem:
         count = len(self.data.grids)
         if count <= most:
             return self
-        kept = set(np.linspace(0, count - 1, most).round().astype(int).tolist())
-        return self._of([t.recording in kept for t in self.data.tilings])
+        return self.of_recordings(np.linspace(0, count - 1, most).round().astype(int).tolist())
+
+    def of_recordings(self, numbers: Sequence[int]) -> "Problem":
+        """The same with the tilings of some recordings only."""
+        return self._of([t.recording in numbers for t in self.data.tilings])
 
     def _of(self, keep: Sequence[bool]) -> "Problem":
         data = self.data.with_tilings([t for t, k in zip(self.data.tilings, keep, strict=True) if k])

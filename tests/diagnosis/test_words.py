@@ -5,7 +5,7 @@ import math
 import pytest
 
 from jbridge.diagnosis.result import NamedEffect, Rival
-from jbridge.diagnosis.words import effect_sentence, verdict_sentence
+from jbridge.diagnosis.words import effect_sentence, own_number_sentence, verdict_sentence
 from jbridge.identification.result import Estimate
 
 FRICTION = NamedEffect(
@@ -73,6 +73,15 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
 )
 def test_verdicts_read_as_sentences(sentence, wanted):
     assert wanted in sentence and sentence.endswith(".")
+
+
+def test_a_number_of_one_recording_is_told_with_what_to_do():
+    text = own_number_sentence("run-4.csv", "cart_gain", "22 N/V", 1.96, 0.9)
+    assert text.startswith(
+        "run-4.csv differs from the other recordings: with a cart gain of 22 N/V, 2 times the model's,"
+    )
+    assert "90 % of its excess squared error would be gone" in text and "[override]" in text
+    assert "times" not in own_number_sentence("run-4.csv", "swing_damping", "0.1 N m s", None, 0.9)
 
 
 def test_rivals_are_named_as_an_owner_would():

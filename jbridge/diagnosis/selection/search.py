@@ -34,8 +34,8 @@ _SOME = 3
 """Recordings on which proposals are screened and first refitted."""
 _SHORT = 1.0
 """Horizon [s] on which they are, beside whole recordings: long enough to show forces, and nearly linear."""
-_POLISH, _LAST = 3, 12
-"""Iterations of a fit to all windows, and of the chosen one's."""
+_FIRST, _LAST = 6, 12
+"""Iterations of a fit to short or some windows, and to all: models are compared when their fits have arrived."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _larger(
     part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
-    [there] = part.solve(now.space.engine, [begun], _POLISH)
+    [there] = part.solve(now.space.engine, [begun], _FIRST)
     among = seen_among_all(problem, part, dataclasses.replace(now, point=there))
     every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
     names = {c.name for c in every}
@@ -240,17 +240,17 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
             return None
         engine, start = move.space.engine, move.start
         low = problem.shortest()
-        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _POLISH)
+        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _FIRST)
         climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
         begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
-        [point] = problem.solve(engine, [begun.start], _POLISH)
+        [point] = problem.solve(engine, [begun.start], _LAST)
         restarted = False
         if point.value > now.point.value and move.absent is not None:
             # What fits short windows may run away in long ones: then the effect grows from its absence, where the
             # model is as good as the one that it contains.
             restarted = True
             absent = Start(move.absent, start.free, now.point.states)
-            point = min(point, *problem.solve(engine, [absent], _POLISH), key=lambda p: p.value)
+            point = min(point, *problem.solve(engine, [absent], _LAST), key=lambda p: p.value)
         if time.monotonic() > problem.until:
             # What was cut short says nothing beside what was not.
             return None

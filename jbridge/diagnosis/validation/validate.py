@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
-from ...identification.estimation import Problem
+from ...identification.estimation import Problem, make_problem
 from ...identification.evaluation.errors import Evaluation
 from ...identification.evaluation.judge import Judge, make_judge
 from ...identification.evaluation.repeats import scatter
@@ -30,6 +30,7 @@ from ..criteria import CRITERIA
 from ..structures.space import Name, happens_once
 from ..structures.structure import Structure, prediction_gap, steadiness
 from .holdout import HoldOut
+from .own_numbers import OwnNumber, own_numbers
 from .refits import REFIT, Fixed, of_its_own, refitted
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
@@ -70,6 +71,8 @@ class Validation:
     it is larger than the noise."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
+    own: tuple[OwnNumber, ...] = ()
+    """Numbers that single recordings ask for."""
 
     @property
     def confirmed(self) -> tuple[Checked, ...]:
@@ -140,6 +143,7 @@ def validate(
             train_after=train_before,
             explained=_explained(before, before),
             scatter=scatters,
+            own=_own_numbers(problem, holdout, given),
         )
     every, dropped = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
@@ -185,6 +189,7 @@ def validate(
         train_after=own.evaluate(final.plant, final.engine),
         explained=_explained(before, sure),
         scatter=_scatters(problem, holdout, before),
+        own=_own_numbers(problem, holdout, final),
     )
 
 
@@ -316,6 +321,12 @@ def _summed(value: NDArray[np.float64], blocks: NDArray[np.int64]) -> NDArray[np
 def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -> dict[float, dict[str, float] | None]:
     every = make_data([*problem.data.recordings, *holdout], (WHOLE,), problem.setting.noise)
     return {horizon: scatter(every, horizon) for horizon in run.horizons}
+
+
+def _own_numbers(problem: Problem, holdout: Sequence[Recording], model: Fixed) -> tuple[OwnNumber, ...]:
+    setting = problem.setting
+    every = make_data([*problem.data.recordings, *holdout], _COMPARED, setting.noise, problem.data.samples)
+    return tuple(own_numbers(make_problem(setting, every), model))
 
 
 def whole_errors(problem: Problem, model: Fixed, sealed: HoldOut) -> dict[str, float]:

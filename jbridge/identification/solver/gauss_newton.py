@@ -74,9 +74,7 @@ def solve(
             for i, normal in waiting.items():
                 point = points[i]
                 weight = likelihood.weights(point.square)
-                step = _parameter_step(engine.table, normal, weight, likelihood.prior, point, damping[i])
-                vector = point.vector.copy()
-                vector[point.free] += step
+                vector, step = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, likelihood, trials)
@@ -101,22 +99,37 @@ def solve(
     return points
 
 
-def _parameter_step(
+_STIFFER = 1e-3
+"""What a number's reciprocal may shrink to in a step, over itself."""
+
+
+def _stepped(
     table: ParameterTable,
     normal: Normal,
     weight: NDArray[np.float64],
     prior: Prior,
     point: Point,
     damping: float,
-) -> NDArray[np.float64]:
-    """Damped Gauss-Newton step of the free parameters within their bounds."""
-    free, vector = point.free, point.vector
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, and how far these go along
+    their tangents."""
+    free, vector = point.free, point.vector.copy()
     low, high = prior.bounds(table)
     total = np.einsum("wc,wcij->ij", weight, normal.products)
     n = len(free)
     precision, gradient = prior.terms(table, free, vector, np.diag(total)[:n])
-    at = vector[free]
-    return bounded_step(total[:n, :n] + precision, total[:n, n] + gradient, low[free] - at, high[free] - at, damping)
+    at, least, most = vector[free], low[free], high[free]
+    # Steps in what motions are nearly linear in: a spring's compliance in place of its stiffness.
+    inverse = np.array([table.entry(int(p)).info.reciprocal for p in free], bool)
+    unit, there = np.ones(n), at.copy()
+    unit[inverse], there[inverse] = -(at[inverse] ** 2), 1.0 / at[inverse]
+    most[inverse], least[inverse] = 1.0 / least[inverse], np.maximum(1.0 / most[inverse], _STIFFER / at[inverse])
+    matrix, slope = total[:n, :n] + precision, total[:n, n] + gradient
+    step = bounded_step(matrix * np.outer(unit, unit), slope * unit, least - there, most - there, damping)
+    after = there + step
+    after[inverse] = 1.0 / after[inverse]
+    vector[free] = after
+    return vector, unit * step
 
 
 def _kept_where_better(

@@ -30,6 +30,8 @@ class ParameterInfo:
     """Whether it is ever estimated from recordings (knots and reference lengths are choices)."""
     vector: bool
     optional: bool
+    reciprocal: bool
+    """Whether a fit steps in one over it, because motions are nearly linear in that: in a spring's compliance."""
     doc: str
     key: str
     """Its name in model files and reports (a field may not carry the name of a method)."""
@@ -44,6 +46,7 @@ def parameter(  # noqa: PLR0913
     high: float = math.inf,
     fitted: bool = True,
     vector: bool = False,
+    reciprocal: bool = False,
     default: Any = dataclasses.MISSING,
     key: str = "",
 ) -> Any:
@@ -58,6 +61,7 @@ def parameter(  # noqa: PLR0913
             fitted=fitted,
             vector=vector,
             optional=default is not dataclasses.MISSING,
+            reciprocal=reciprocal,
             key=key,
         )
     }

@@ -15,7 +15,7 @@ class RopeElasticity(AbstractMechanism):
     kind: ClassVar[str] = "rope_elasticity"
     sites: ClassVar[tuple[str, ...]] = (HOIST,)
     sentence: ClassVar[str] = "a rope that stretches under the load"
-    stiffness: Scalar = parameter("N/m", "longitudinal stiffness", null=1e4, low=1.0)
+    stiffness: Scalar = parameter("N/m", "longitudinal stiffness", null=1e4, low=1.0, reciprocal=True)
     damping: Scalar = parameter("N s/m", "longitudinal damping", null=5.0, low=0.0)
     site: str = eqx.field(static=True, default=HOIST)
 
@@ -58,7 +58,7 @@ class BeltCompliance(AbstractMechanism):
     kind: ClassVar[str] = "belt_compliance"
     sites: ClassVar[tuple[str, ...]] = (CART,)
     sentence: ClassVar[str] = "a belt that gives between motor and cart"
-    stiffness: Scalar = parameter("N/m", "stiffness", null=1e4, low=10.0)
+    stiffness: Scalar = parameter("N/m", "stiffness", null=1e4, low=10.0, reciprocal=True)
     damping: Scalar = parameter("N s/m", "damping", null=10.0, low=0.0)
     motor_mass: Scalar = parameter("kg", "motor's inertia seen along the belt", null=1.0, low=1e-2)
     site: str = eqx.field(static=True, default=CART)
@@ -66,10 +66,10 @@ class BeltCompliance(AbstractMechanism):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        mass = scene.bridge["cart_mass"]
+        half = 0.5 * scene.bridge["cart_mass"]
         return [
             Seed(
-                {"stiffness": mass * rate**2, "damping": 2.0 * mass, "motor_mass": 0.2 * mass, "encoder": encoder},
+                {"stiffness": half * rate**2, "damping": 2.0 * half, "motor_mass": half, "encoder": encoder},
                 ("stiffness", "damping", "motor_mass"),
                 finite=True,
             )

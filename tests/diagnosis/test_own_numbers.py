@@ -1,0 +1,47 @@
+"""A number that one recording asks for and the others do not."""
+
+import numpy as np
+import pytest
+
+from jbridge.diagnosis.structures.space import make_space
+from jbridge.diagnosis.structures.structure import base_structure
+from jbridge.diagnosis.validation.own_numbers import own_numbers
+from jbridge.diagnosis.validation.refits import of_its_own
+from jbridge.identification.data.windows import make_data
+from jbridge.identification.estimation import fit_structure, make_problem
+from jbridge.identification.setting import make_setting
+from jbridge.model.files import Model
+from tests.identification.cases import DRY, play, steps
+from tests.problems import NUMBERS, make_plant
+
+
+def asked(plants, train):
+    """Numbers that runs of some plants ask for, beside a viscous model that is fitted to the first ones."""
+    runs = [
+        play(plant, np.stack([steps(500, i), np.zeros(500)], axis=1), name=f"run-{i}.csv", start={"x": 0.6}, seed=i)
+        for i, plant in enumerate(plants)
+    ]
+    known = frozenset({"cart_mass"})
+    setting = make_setting(Model(make_plant(), known, frozenset(NUMBERS), {}, "m.toml"), runs[:train], runs[train:])
+    problem, fitted = fit_structure(make_problem(setting, make_data(runs[:train])), make_plant(), known)
+    base = base_structure(problem, make_space(problem, fitted.plant, known, shared=False), fitted.point)
+    every = make_problem(setting, make_data(runs, noise=setting.noise))
+    return own_numbers(every, of_its_own(problem, base))
+
+
+@pytest.mark.parametrize("place", [1, 4])
+def test_a_gain_that_was_set_differently_once_is_found(place):
+    """Among the recordings and in the hold-out."""
+    plants = [make_plant(cart_gain=(1.4 if i == place else 1.0) * NUMBERS["cart_gain"]) for i in range(5)]
+    [found] = asked(plants, 3)
+    assert (found.recording, found.number) == (f"run-{place}.csv", "cart_gain")
+    assert found.value == pytest.approx(1.4 * NUMBERS["cart_gain"], rel=0.02)
+    assert found.closed > 0.9
+
+
+def test_what_is_missing_everywhere_is_no_recordings_own():
+    assert asked([make_plant(DRY)] * 5, 3) == []
+
+
+def test_three_recordings_are_too_few_to_disagree():
+    assert asked([make_plant(), make_plant(), make_plant(cart_gain=1.4 * NUMBERS["cart_gain"])], 2) == []

@@ -1,0 +1,44 @@
+"""Steps of a fit in what motions are nearly linear in."""
+
+import numpy as np
+import pytest
+
+from jbridge.identification.prior import Prior
+from jbridge.identification.solver.gauss_newton import _stepped
+from jbridge.identification.solver.prediction_errors import Point
+from jbridge.identification.solver.variable_projection import Normal
+from jbridge.model.parameters import ParameterTable
+from tests.problems import make_plant
+
+BELT = ("belt_compliance", "cart", {"stiffness": 8000.0, "damping": 10.0, "motor_mass": 2.0})
+
+
+@pytest.mark.parametrize("wanted", [500.0, 20000.0])
+def test_a_deflection_finds_its_springs_stiffness_in_one_step(wanted):
+    """A force of 30 N deflects a spring by 30 N over its stiffness, ten times stiffer or softer than the start."""
+    plant = make_plant(BELT)
+    table = ParameterTable(plant)
+    vector = np.array(table.ravel(plant))
+    [place] = table.positions("belt_compliance@cart.stiffness")
+    tangent, left = -30.0 / 8000.0**2, 30.0 / 8000.0 - 30.0 / wanted
+    row = np.array([tangent, left])
+    products = np.zeros((1, 3, 2, 2))
+    products[0, 0] = np.outer(row, row)
+    normal = Normal(products, np.zeros((1, 6)), np.zeros((1, 6, 1)))
+    point = Point(vector, np.array([place]), (), np.zeros((1, 3)), 0.0, 0.0)
+    after, along = _stepped(table, normal, np.array([[1.0, 0.0, 0.0]]), Prior(), point, 0.0)
+    assert after[place] == pytest.approx(wanted, rel=1e-6)
+    assert tangent * along[0] == pytest.approx(-left, rel=1e-6)
+
+
+def test_a_spring_gets_no_stiffer_than_a_thousandfold_at_once():
+    plant = make_plant(BELT)
+    table = ParameterTable(plant)
+    vector = np.array(table.ravel(plant))
+    [place] = table.positions("belt_compliance@cart.stiffness")
+    products = np.zeros((1, 3, 2, 2))
+    products[0, 0] = np.outer([-1e-3, 100.0], [-1e-3, 100.0])
+    normal = Normal(products, np.zeros((1, 6)), np.zeros((1, 6, 1)))
+    point = Point(vector, np.array([place]), (), np.zeros((1, 3)), 0.0, 0.0)
+    after, _ = _stepped(table, normal, np.array([[1.0, 0.0, 0.0]]), Prior(), point, 0.0)
+    assert after[place] == pytest.approx(8e6)
