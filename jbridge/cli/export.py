@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
     targets = ("c", "fmu", "mujoco", "statespace", "matlab")
     export.add_argument("--to", choices=targets, required=True, help="the language")
     export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
-    export.add_argument("--period", type=float, default=0.01, metavar="SECONDS", help="of a model in C, FMU (0.01)")
+    export.add_argument("--period", type=float, metavar="SECONDS", help="of a model in C, FMU (0.01)")
     export.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
 

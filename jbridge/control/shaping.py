@@ -29,10 +29,15 @@ class Shaping:
         """Weights of the impulses into which a change of the reference is split [1], and their delays [s].
 
         Raises:
-            ValueError: the kind is neither `zv` nor `zvd`.
+            ValueError: the kind is neither `zv` nor `zvd`, or there is no such swing.
         """
         if self.kind not in KINDS:
             raise ValueError(f"{self.kind!r} is neither of {', '.join(KINDS)}")
+        if not (SLOWEST <= self.frequency < np.inf and 0.0 <= self.damping < 1.0):
+            raise ValueError(
+                f"a swing of {self.frequency:g} rad/s with a damping ratio of {self.damping:g}: give at least"
+                f" {SLOWEST:g} rad/s, and a ratio from 0 to below 1"
+            )
         root = np.sqrt(1.0 - self.damping**2)
         ratio = np.exp(-self.damping * np.pi / root)
         weights = np.array([1.0, ratio] if self.kind == "zv" else [1.0, 2.0 * ratio, ratio**2])

@@ -32,7 +32,8 @@ def estimated(problem: Problem, final: Fixed) -> tuple[dict[str, Estimate], list
     cov = covariance(problem, final.engine, final.point)
     table = ParameterTable(final.plant, problem.setting.units)
     vector, free = final.point.vector, final.point.free
-    return estimates(table, vector, free, cov, problem.setting.period), warnings(table, vector, free, cov)
+    bounds = problem.likelihood.prior.bounds(table)
+    return estimates(table, vector, free, cov, problem.setting.period), warnings(table, vector, free, cov, bounds)
 
 
 def parameters_of(

@@ -28,7 +28,7 @@ def save_export(
     target: str,
     *,
     rope: float = ROPE,
-    period: float = PERIOD,
+    period: float | None = None,
 ) -> Path:
     """Writes a controller or a model in another program's language.
 
@@ -37,7 +37,7 @@ def save_export(
         source: a model's TOML, or a controller's for `c`.
         target: one of `TARGETS`.
         rope: length of the rope at the working point of a model [m].
-        period: time between samples of a model in C or in a unit [s]; a controller has its own.
+        period: time between samples of a model in C or in a unit [s], 0.01 if not given; a controller has its own.
 
     Returns:
         The file: `NAME.h`, `NAME.fmu`, `NAME.xml`, `NAME_statespace.py` or `NAME.m`.
@@ -53,7 +53,9 @@ def save_export(
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
     document = read_toml(path, "model or controller", "a [bridge] table, or the kind of a controller")
     if "bridge" in document or ("kind" not in document and target != "c"):
-        content, end = _model(path, name, target, rope, period)
+        content, end = _model(path, name, target, rope, PERIOD if period is None else period)
+    elif period is not None:
+        Where(str(path)).refuse(f"a controller has its own period; leave out --period {period:g}, or change it there")
     elif target == "c":
         content, end = controller_header(load_controller(path), name), ".h"
     else:

@@ -90,7 +90,7 @@ def fit(
         train=runs[0][1].as_errors(),
         holdout=runs[1][1].as_errors() if holdout else None,
         noise=setting.noise,
-        warnings=tuple(warnings(named, fitted.vector, fitted.free, cov)),
+        warnings=tuple(warnings(named, fitted.vector, fitted.free, cov, named.bounds())),
         notes=tuple(
             dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))
         ),

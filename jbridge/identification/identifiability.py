@@ -64,5 +64,5 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     table = ParameterTable(plant, setting.units)
     found = estimates(table, point.vector, point.free, cov, setting.period)
     names = dict.fromkeys(table.entry(int(place)).group for place in point.free)
-    loose = warnings(table, point.vector, point.free, np.asarray(cov))
+    loose = warnings(table, point.vector, point.free, np.asarray(cov), table.bounds())
     return Identifiability(found, tuple(names), tuple(loose), told, setting.noise)

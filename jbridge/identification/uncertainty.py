@@ -117,13 +117,25 @@ def estimates(
 
 
 def warnings(
-    table: ParameterTable, vector: NDArray[np.float64], free: NDArray[np.int64], cov: NDArray[np.float64]
+    table: ParameterTable,
+    vector: NDArray[np.float64],
+    free: NDArray[np.int64],
+    cov: NDArray[np.float64],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> list[str]:
-    """What the recordings cannot determine, in sentences."""
+    """What the recordings cannot determine, in sentences.
+
+    Args:
+        table: of the model.
+        vector: its parameters.
+        free: places of those that were estimated.
+        cov: their covariance.
+        bounds: lower and upper ones of all parameters, between which they were estimated.
+    """
     out = []
     stds = np.sqrt(np.maximum(np.diag(cov), 0.0))
     wide = widened(stds, vector[free])
-    low, high = table.bounds()
+    low, high = bounds
     loose: dict[str, list[int]] = {}
     entries = [table.entry(int(place)) for place in free]
     uncertain = [bool(wide[i] > 0.5 * max(abs(vector[place]), 1e-9)) for i, place in enumerate(free)]

@@ -90,6 +90,9 @@ def test_shaping_leaves_no_swing():
     assert left["zvd"] < 0.5 * left["zv"]
     with pytest.raises(ValueError, match="neither of zv, zvd"):
         shaped(path, frequency, kind="ei")
+    for wrong, damping in ((0.0, 0.0), (np.nan, 0.0), (frequency, 1.0)):
+        with pytest.raises(ValueError, match="give at least 0.01 rad/s"):
+            shaped(path, wrong, damping)
 
 
 def test_in_the_extended_rules_every_rule_can_matter():

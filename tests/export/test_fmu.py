@@ -1,6 +1,7 @@
 """Models as functional mock-up units: FMPy checks and simulates them, against the simulation that they come from."""
 
 import io
+import math
 import shutil
 import subprocess
 import zipfile
@@ -101,6 +102,16 @@ def test_a_state_is_kept_and_set_again(instance):
     assert later[0] == later[1] and later[0][0] != 0.0 and later[0][3] == pytest.approx(0.3)
     slave.reset()
     assert slave.getFloat64(outputs) == [0.0, 0.0, 0.4]
+
+
+def test_it_starts_on_a_rope_with_a_length(instance):
+    slave, numbers, messages = instance
+    for length in (-1.0, 0.0, math.nan):
+        with pytest.raises(Exception, match="status 3"):
+            slave.setFloat64([numbers["l_start"]], [length])
+    assert all("a rope longer than 0" in message for message in messages)
+    slave.setFloat64([numbers["l_start"]], [0.3])
+    assert slave.getFloat64([numbers["l"]]) == pytest.approx([0.3])
 
 
 def test_what_it_cannot_do_is_said(instance):

@@ -133,6 +133,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
     ("words", "complaint"),
     [
         (["model.toml", "--to", "c", "--period", "0"], "--period 0: give the time between samples"),
+        (["fuzzy.toml", "--to", "c", "--period", "0.02"], "a controller has its own period; leave out --period 0.02"),
         (["fuzzy.toml", "--to", "matlab"], "a controller, but only models are exported to matlab; choose --to c"),
         (["model.toml", "--to", "mujoco", "--rope", "0"], "--rope 0: give the length of the rope"),
         (["model.toml", "--to", "simulink"], "invalid choice"),

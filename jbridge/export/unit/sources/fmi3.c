@@ -114,10 +114,10 @@ EXPORT fmi3Status fmi3SetFloat64(
         const uint32_t k = references[i];
         if (k >= INPUT && k < POSITION)
             rig->input[k - INPUT] = values[i];
-        else if (k >= BEGIN && k < COUNT && !rig->running)
+        else if (k >= BEGIN && k < COUNT && !rig->running && isfinite(values[i]) && (k < COUNT - 1 || values[i] > 0.0))
             rig->begin[k - BEGIN] = values[i];
         else
-            return refuse(instance, "inputs can be set, and positions at the start before the simulation");
+            return refuse(instance, "inputs can be set, and positions at the start (a rope longer than 0) before the simulation");
     }
     if (!rig->running) model_start(&rig->state, rig->begin);
     return fmi3OK;
