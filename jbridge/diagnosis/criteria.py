@@ -11,7 +11,8 @@ class Criteria:
     met: float = 1.5
     """Error over noise, or measured scatter, up to which a channel is met; half of it would call noise an error."""
     named: float = 0.5
-    """Share of a channel's excess squared error on the hold-out that `missing_physics` asks of confirmed effects."""
+    """Share of a channel's excess squared error on the hold-out that `missing_physics` asks of confirmed effects; and of
+    a recording's that one asks of a number of its own."""
     confirmed: float = 2.0
     """Standard errors over blocks by which the hold-out must be worse without an effect for it to be confirmed."""
     sure: float = 1.0
@@ -30,7 +31,8 @@ class Criteria:
     rounds: int = 12
     """Most effects that a search adds; a guard, not a limit that is met."""
     apart: float = 0.05
-    """Weight, as a mean over resamples, from which on another explanation counts as not told apart."""
+    """Weight, as a mean over resamples, from which on another explanation counts as not told apart; and the chance
+    below which a recording's number is none that the others ask for."""
     bootstrap: int = 200
     """Resamples of blocks behind a probability."""
     rivals: int = 3

@@ -44,9 +44,9 @@ BUDGET = 300.0
 """Time that a diagnosis takes, about [s]."""
 _KEPT, _MOST_KEPT = 0.25, 0.5
 """Share of it that is kept for the validation at least and at most."""
-_BESIDE = 4
-"""The refit of the model as given and the report take about as long as this many fits; each effect that is left out
-takes one more."""
+_BESIDE = 5
+"""The refit of the model as given, the comparison of recordings and the report take about as long as this many fits;
+each effect that is left out takes one more."""
 
 
 @one_thread_each
@@ -189,8 +189,10 @@ def _told(
             own.recording,
             own.number,
             amount(own.value, values[own.number].unit),
-            own.value / own.given if own.given else None,
+            own.value / own.others if own.others else math.inf,
+            own.axis,
             own.closed,
+            held_out=own.recording in sealed.names,
         )
         for own in checked.own
     ]

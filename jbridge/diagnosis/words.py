@@ -74,21 +74,26 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
     return text
 
 
-def own_number_sentence(recording: str, number: str, value: str, ratio: float | None, closed: float) -> str:
+def own_number_sentence(  # noqa: PLR0913
+    recording: str, number: str, value: str, ratio: float, axis: str, closed: float, *, held_out: bool
+) -> str:
     """A number that one recording asks for and the others do not.
 
     Args:
         recording: its name.
         number: the bridge's parameter.
         value: what it asks for, with the unit.
-        ratio: over the model's, None where that is 0.
-        closed: share of its error that closes.
+        ratio: over what the others ask for.
+        axis: the channel in which it matters.
+        closed: share of the excess squared error there that it closes.
+        held_out: whether the recording is of the hold-out, from which no model takes a number.
     """
-    times = "" if ratio is None else f", {_times(ratio)} times the model's,"
+    times = f", {ratio:.3g} times that of the others" if 0.01 < ratio < 100.0 else ""
+    mend = "measure it, and" if held_out else "if the rig was set up so,"
     return (
-        f"{recording} differs from the other recordings: with a {number_name(number)} of {value}{times} for it alone, "
-        f"{share_of(closed)} of its excess squared error would be gone. If the rig was set up differently, give that "
-        f"number under [override] in its sidecar; if not, leave the recording out, or look for what changed."
+        f"{recording} differs from the other recordings: a {number_name(number)} of {value}{times}, would close "
+        f"{share_of(closed)} of its excess squared error in the {quantity_name(axis)}. Look for another supply, load "
+        f"or unit; {mend} give it under [override] in its sidecar, or leave the recording out."
     )
 
 

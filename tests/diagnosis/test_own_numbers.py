@@ -1,5 +1,7 @@
 """A number that one recording asks for and the others do not."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -15,12 +17,14 @@ from tests.identification.cases import DRY, play, steps
 from tests.problems import NUMBERS, make_plant
 
 
-def asked(plants, train):
+def asked(plants, train, overrides=()):
     """Numbers that runs of some plants ask for, beside a viscous model that is fitted to the first ones."""
     runs = [
         play(plant, np.stack([steps(500, i), np.zeros(500)], axis=1), name=f"run-{i}.csv", start={"x": 0.6}, seed=i)
         for i, plant in enumerate(plants)
     ]
+    for i, numbers in dict(overrides).items():
+        runs[i] = dataclasses.replace(runs[i], override=numbers)
     known = frozenset({"cart_mass"})
     setting = make_setting(Model(make_plant(), known, frozenset(NUMBERS), {}, "m.toml"), runs[:train], runs[train:])
     problem, fitted = fit_structure(make_problem(setting, make_data(runs[:train])), make_plant(), known)
@@ -29,14 +33,22 @@ def asked(plants, train):
     return own_numbers(every, of_its_own(problem, base))
 
 
-@pytest.mark.parametrize("place", [1, 4])
-def test_a_gain_that_was_set_differently_once_is_found(place):
-    """Among the recordings and in the hold-out."""
-    plants = [make_plant(cart_gain=(1.4 if i == place else 1.0) * NUMBERS["cart_gain"]) for i in range(5)]
+@pytest.mark.parametrize(
+    ("number", "factor", "place"), [("cart_gain", 1.4, 1), ("cart_gain", -1.0, 4), ("cart_mass", 2.0, 4)]
+)
+def test_a_number_that_was_another_once_is_found(number, factor, place):
+    """Among the recordings, which pull the model's own number, and in the hold-out."""
+    plants = [make_plant(**{number: (factor if i == place else 1.0) * NUMBERS[number]}) for i in range(5)]
     [found] = asked(plants, 3)
-    assert (found.recording, found.number) == (f"run-{place}.csv", "cart_gain")
-    assert found.value == pytest.approx(1.4 * NUMBERS["cart_gain"], rel=0.02)
+    assert (found.recording, found.number, found.axis) == (f"run-{place}.csv", number, "x")
+    assert found.value == pytest.approx(factor * NUMBERS[number], rel=0.02)
+    assert found.value / found.others == pytest.approx(factor, rel=0.05)
     assert found.closed > 0.9
+
+
+def test_what_a_sidecar_says_already_is_not_said_again():
+    plants = [make_plant(cart_gain=(1.4 if i == 1 else 1.0) * NUMBERS["cart_gain"]) for i in range(5)]
+    assert asked(plants, 3, {1: {"cart_gain": 1.4 * NUMBERS["cart_gain"]}}) == []
 
 
 def test_what_is_missing_everywhere_is_no_recordings_own():

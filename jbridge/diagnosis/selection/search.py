@@ -180,8 +180,6 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
     if good:
-        [point] = problem.solve(good[0].space.engine, [good[0].point.start], _LAST)
-        found[found.index(good[0])] = good[0] = weighed(problem, dataclasses.replace(good[0], point=point))
         others = [s for s in good[1:] if _told_apart(now, s, found)]
         best = _with_other_axes(problem, now, good[0], others, seen)
         if best is not good[0]:

@@ -16,7 +16,7 @@ from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart
 from ..structures.structure import Structure
 
-REFIT = 8
+REFIT = 12
 """Iterations of a fit without one of the effects."""
 
 

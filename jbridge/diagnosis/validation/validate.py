@@ -143,7 +143,7 @@ def validate(
             train_after=train_before,
             explained=_explained(before, before),
             scatter=scatters,
-            own=_own_numbers(problem, holdout, given),
+            own=_own_numbers(problem, holdout, given, tell, deadline),
         )
     every, dropped = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
@@ -189,7 +189,7 @@ def validate(
         train_after=own.evaluate(final.plant, final.engine),
         explained=_explained(before, sure),
         scatter=_scatters(problem, holdout, before),
-        own=_own_numbers(problem, holdout, final),
+        own=_own_numbers(problem, holdout, final, tell, deadline),
     )
 
 
@@ -323,7 +323,12 @@ def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -
     return {horizon: scatter(every, horizon) for horizon in run.horizons}
 
 
-def _own_numbers(problem: Problem, holdout: Sequence[Recording], model: Fixed) -> tuple[OwnNumber, ...]:
+def _own_numbers(
+    problem: Problem, holdout: Sequence[Recording], model: Fixed, tell: Callable[[str], None], deadline: float
+) -> tuple[OwnNumber, ...]:
+    if time.monotonic() > deadline:
+        return ()
+    tell("comparing the recordings")
     setting = problem.setting
     every = make_data([*problem.data.recordings, *holdout], _COMPARED, setting.noise, problem.data.samples)
     return tuple(own_numbers(make_problem(setting, every), model))

@@ -25,6 +25,8 @@ from .prediction_errors import Point, Start, evaluate
 from .variable_projection import Normal, moved_states, normal_equations
 
 _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
+_STIFFEST = 1e3
+"""How many times stiffer a spring may get in one step."""
 _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
 
@@ -99,10 +101,6 @@ def solve(
     return points
 
 
-_STIFFER = 1e-3
-"""What a number's reciprocal may shrink to in a step, over itself."""
-
-
 def _stepped(
     table: ParameterTable,
     normal: Normal,
@@ -111,25 +109,27 @@ def _stepped(
     point: Point,
     damping: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, and how far these go along
-    their tangents."""
+    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, and that step along the
+    tangents, which initial states follow."""
     free, vector = point.free, point.vector.copy()
     low, high = prior.bounds(table)
     total = np.einsum("wc,wcij->ij", weight, normal.products)
     n = len(free)
     precision, gradient = prior.terms(table, free, vector, np.diag(total)[:n])
     at, least, most = vector[free], low[free], high[free]
-    # Steps in what motions are nearly linear in: a spring's compliance in place of its stiffness.
-    inverse = np.array([table.entry(int(p)).info.reciprocal for p in free], bool)
-    unit, there = np.ones(n), at.copy()
-    unit[inverse], there[inverse] = -(at[inverse] ** 2), 1.0 / at[inverse]
-    most[inverse], least[inverse] = 1.0 / least[inverse], np.maximum(1.0 / most[inverse], _STIFFER / at[inverse])
-    matrix, slope = total[:n, :n] + precision, total[:n, n] + gradient
-    step = bounded_step(matrix * np.outer(unit, unit), slope * unit, least - there, most - there, damping)
-    after = there + step
-    after[inverse] = 1.0 / after[inverse]
+    # A spring's motions are nearly linear in its compliance: `c = 1 / k`, `dk/dc = -k^2`.
+    is_spring = np.array([table.entry(int(p)).info.reciprocal for p in free], bool)
+    stiffness, softest = at[is_spring], least[is_spring]
+    stiffest = np.minimum(most[is_spring], _STIFFEST * stiffness)
+    slope, now = np.ones(n), at.copy()
+    slope[is_spring], now[is_spring] = -(stiffness**2), 1.0 / stiffness
+    least[is_spring], most[is_spring] = 1.0 / stiffest, 1.0 / softest
+    matrix, right = total[:n, :n] + precision, total[:n, n] + gradient
+    step = bounded_step(matrix * np.outer(slope, slope), right * slope, least - now, most - now, damping)
+    after = now + step
+    after[is_spring] = 1.0 / after[is_spring]
     vector[free] = after
-    return vector, unit * step
+    return vector, slope * step
 
 
 def _kept_where_better(

@@ -51,6 +51,7 @@ def parameter(  # noqa: PLR0913
     key: str = "",
 ) -> Any:
     """Declares a parameter field of an effect or of the bridge, with what `ParameterInfo` lists."""
+    assert low > 0.0 or not reciprocal
     metadata = {
         "parameter": dict(
             unit=unit,

@@ -15,7 +15,7 @@ class RopeElasticity(AbstractMechanism):
     kind: ClassVar[str] = "rope_elasticity"
     sites: ClassVar[tuple[str, ...]] = (HOIST,)
     sentence: ClassVar[str] = "a rope that stretches under the load"
-    stiffness: Scalar = parameter("N/m", "longitudinal stiffness", null=1e4, low=1.0, reciprocal=True)
+    stiffness: Scalar = parameter("N/m", "longitudinal stiffness", null=1e4, low=1.0, high=1e9, reciprocal=True)
     damping: Scalar = parameter("N s/m", "longitudinal damping", null=5.0, low=0.0)
     site: str = eqx.field(static=True, default=HOIST)
 
@@ -58,7 +58,7 @@ class BeltCompliance(AbstractMechanism):
     kind: ClassVar[str] = "belt_compliance"
     sites: ClassVar[tuple[str, ...]] = (CART,)
     sentence: ClassVar[str] = "a belt that gives between motor and cart"
-    stiffness: Scalar = parameter("N/m", "stiffness", null=1e4, low=10.0, reciprocal=True)
+    stiffness: Scalar = parameter("N/m", "stiffness", null=1e4, low=10.0, high=1e9, reciprocal=True)
     damping: Scalar = parameter("N s/m", "damping", null=10.0, low=0.0)
     motor_mass: Scalar = parameter("kg", "motor's inertia seen along the belt", null=1.0, low=1e-2)
     site: str = eqx.field(static=True, default=CART)

@@ -202,7 +202,9 @@ class PreslidingFriction(AbstractFriction, AbstractHysteresis):
     sites: ClassVar[tuple[str, ...]] = (CART,)
     sentence: ClassVar[str] = "friction of the {axis} that yields like a spring before it slips (presliding)"
     level: Scalar = parameter("{force}", "sliding level", low=0.0)
-    stiffness: Scalar = parameter("{force}/{position}", "stiffness before slip", null=1e4, low=10.0, reciprocal=True)
+    stiffness: Scalar = parameter(
+        "{force}/{position}", "stiffness before slip", null=1e4, low=10.0, high=1e9, reciprocal=True
+    )
     site: str = eqx.field(static=True)
 
     def levels(self, t: Scalar, q: Scalar, v: Scalar, load: Scalar) -> tuple[Scalar, Scalar]:
