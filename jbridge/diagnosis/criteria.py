@@ -11,8 +11,8 @@ class Criteria:
     met: float = 1.5
     """Error over noise, or measured scatter, up to which a channel is met; half of it would call noise an error."""
     named: float = 0.5
-    """Share of a channel's excess squared error on the hold-out that `missing_physics` asks of confirmed effects; and of
-    a recording's that one asks of a number of its own."""
+    """Share of a channel's excess squared error on the hold-out that `missing_physics` asks of confirmed effects; and
+    of a recording's that one asks of a number of its own."""
     confirmed: float = 2.0
     """Standard errors over blocks by which the hold-out must be worse without an effect for it to be confirmed."""
     sure: float = 1.0
