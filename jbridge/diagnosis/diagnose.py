@@ -38,7 +38,7 @@ from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
 from .validation.refits import of_its_own
 from .validation.validate import Validation, unopened, validate, whole_errors
-from .words import amount, own_number_sentence, verdict_sentence
+from .words import amount, apart_sentence, verdict_sentence
 
 BUDGET = 300.0
 """Time that a diagnosis takes, about [s]."""
@@ -185,16 +185,18 @@ def _told(
     )
     rivals = contenders(search, effects) if opened else []
     apart = [
-        own_number_sentence(
-            own.recording,
-            own.number,
-            amount(own.value, values[own.number].unit),
-            own.value / own.others if own.others else math.inf,
-            own.axis,
-            own.closed,
-            held_out=own.recording in sealed.names,
+        apart_sentence(
+            each.recording,
+            [
+                (n.number, amount(n.value, values[n.number].unit), n.value / n.others if n.others else math.inf)
+                for n in own
+            ],
+            own[0].axis,
+            own[0].closed,
+            held_out=each.recording in sealed.names,
         )
-        for own in checked.own
+        for each in checked.apart
+        for own in [each.numbers]
     ]
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})

@@ -74,26 +74,28 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
     return text
 
 
-def own_number_sentence(  # noqa: PLR0913
-    recording: str, number: str, value: str, ratio: float, axis: str, closed: float, *, held_out: bool
+def apart_sentence(
+    recording: str, numbers: Sequence[tuple[str, str, float]], axis: str, closed: float, *, held_out: bool
 ) -> str:
-    """A number that one recording asks for and the others do not.
+    """A recording that differs from the others.
 
     Args:
         recording: its name.
-        number: the bridge's parameter.
-        value: what it asks for, with the unit.
-        ratio: over what the others ask for.
-        axis: the channel in which it matters.
+        numbers: of the bridge, each of which would make it like the others: the parameter, its value there with the
+            unit, and that over what the others ask for.
+        axis: the channel in which the first matters.
         closed: share of the excess squared error there that it closes.
         held_out: whether the recording is of the hold-out, from which no model takes a number.
     """
-    times = f", {ratio:.3g} times that of the others" if 0.01 < ratio < 100.0 else ""
+    each = []
+    for number, value, ratio in numbers:
+        times = f" ({ratio:.3g} times that of the others)" if 0.01 < abs(ratio) < 100.0 else ""
+        each.append(f"a {number_name(number)} of {value}{times}")
     mend = "measure it, and" if held_out else "if the rig was set up so,"
     return (
-        f"{recording} differs from the other recordings: a {number_name(number)} of {value}{times}, would close "
-        f"{share_of(closed)} of its excess squared error in the {quantity_name(axis)}. Look for another supply, load "
-        f"or unit; {mend} give it under [override] in its sidecar, or leave the recording out."
+        f"{recording} differs from the other recordings: {' or '.join(each)} would close {share_of(closed)} of its "
+        f"excess squared error in the {quantity_name(axis)}. Look for another supply, load or unit; {mend} give it"
+        " under [override] in its sidecar, or leave the recording out."
     )
 
 

@@ -29,7 +29,6 @@ _STATES, _STEPS, _FIT = 5, 6, 6
 class OwnNumber(NamedTuple):
     """A number that one recording asks for."""
 
-    recording: str
     number: str
     value: float
     others: float
@@ -40,7 +39,15 @@ class OwnNumber(NamedTuple):
     """and the share of the excess of its squared typical error that it closes there."""
 
 
-def own_numbers(problem: Problem, model: Fixed) -> list[OwnNumber]:
+class Apart(NamedTuple):
+    """A recording that differs from the others."""
+
+    recording: str
+    numbers: tuple[OwnNumber, ...]
+    """Each of which makes it like the others, the best first."""
+
+
+def own_numbers(problem: Problem, model: Fixed) -> list[Apart]:
     """Numbers of the bridge that one recording asks for, while three others or more agree on another one, and that
     would take more than half off its error.
 
@@ -81,11 +88,15 @@ def own_numbers(problem: Problem, model: Fixed) -> list[OwnNumber]:
         states = problem.states_of(there.states, own)
         [before] = own.solve(alone, [Start(vector, start.free, states)], _FIT)
         begun = [Start(vector, places[[i]], before.states) for i in apart]
-        i, after = min(zip(apart, own.solve(engine, begun, _FIT), strict=True), key=lambda found: found[1].value)
-        axis, closed = _closed(own, before, after)
-        if before.value - after.value > price and closed > CRITERIA.named:
-            value, mean = float(after.vector[places[i]]), float(vector[places[i]] + others[i].mean())
-            out.append(OwnNumber(data.recordings[r].name, numbers[i], value, mean, axis, closed))
+        fitted = sorted(zip(apart, own.solve(engine, begun, _FIT), strict=True), key=lambda found: found[1].value)
+        found = []
+        for i, after in fitted:
+            axis, closed = _closed(own, before, after)
+            if before.value - after.value > price and closed > CRITERIA.named:
+                mean = float(vector[places[i]] + others[i].mean())
+                found.append(OwnNumber(numbers[i], float(after.vector[places[i]]), mean, axis, closed))
+        if found:
+            out.append(Apart(data.recordings[r].name, tuple(found)))
     return out
 
 

@@ -30,7 +30,7 @@ from ..criteria import CRITERIA
 from ..structures.space import Name, happens_once
 from ..structures.structure import Structure, prediction_gap, steadiness
 from .holdout import HoldOut
-from .own_numbers import OwnNumber, own_numbers
+from .own_numbers import Apart, own_numbers
 from .refits import REFIT, Fixed, of_its_own, refitted
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
@@ -71,8 +71,8 @@ class Validation:
     it is larger than the noise."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
-    own: tuple[OwnNumber, ...] = ()
-    """Numbers that single recordings ask for."""
+    apart: tuple[Apart, ...] = ()
+    """Recordings that ask for a number of their own."""
 
     @property
     def confirmed(self) -> tuple[Checked, ...]:
@@ -143,7 +143,7 @@ def validate(
             train_after=train_before,
             explained=_explained(before, before),
             scatter=scatters,
-            own=_own_numbers(problem, holdout, given, tell, deadline),
+            apart=_apart(problem, holdout, given, tell, deadline),
         )
     every, dropped = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
@@ -189,7 +189,7 @@ def validate(
         train_after=own.evaluate(final.plant, final.engine),
         explained=_explained(before, sure),
         scatter=_scatters(problem, holdout, before),
-        own=_own_numbers(problem, holdout, final, tell, deadline),
+        apart=_apart(problem, holdout, final, tell, deadline),
     )
 
 
@@ -323,9 +323,9 @@ def _scatters(problem: Problem, holdout: Sequence[Recording], run: Evaluation) -
     return {horizon: scatter(every, horizon) for horizon in run.horizons}
 
 
-def _own_numbers(
+def _apart(
     problem: Problem, holdout: Sequence[Recording], model: Fixed, tell: Callable[[str], None], deadline: float
-) -> tuple[OwnNumber, ...]:
+) -> tuple[Apart, ...]:
     if time.monotonic() > deadline:
         return ()
     tell("comparing the recordings")
