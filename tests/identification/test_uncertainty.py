@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge._toml import as_value
+from jbridge.identification.prior import Prior
 from jbridge.identification.uncertainty import as_uncertainty, estimates, inverse_normal, warnings
 from jbridge.model.parameters import ParameterTable
 from tests.problems import make_plant
@@ -79,20 +80,20 @@ def test_a_time_is_known_to_a_hundredth_of_the_sampling_period_at_best():
 def test_what_is_not_determined_is_said():
     free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
     wide = np.array([[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 25.0]])
-    (said,) = warnings(TABLE, VECTOR, free, wide)
+    (said,) = warnings(TABLE, VECTOR, free, wide, TABLE.bounds())
     assert said.startswith("The recordings hardly determine the level of the Coulomb friction at the cart: 3 N")
     blind = np.diag([1e-4, 1e-4, 1e200])
-    (said,) = warnings(TABLE, VECTOR, free, blind)
+    (said,) = warnings(TABLE, VECTOR, free, blind, TABLE.bounds())
     assert said == "The recordings say nothing of the level of the Coulomb friction at the cart: it stays at 3 N."
     told = estimates(TABLE, VECTOR, free, blind, 0.01)["coulomb_friction@cart.level"]
     assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
     tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
-    (said,) = warnings(TABLE, VECTOR, free, tied)
+    (said,) = warnings(TABLE, VECTOR, free, tied, TABLE.bounds())
     assert said.startswith("The recordings hardly tell cart gain and cart damping apart: ")
     assert said.endswith("Inputs of several sizes and steady runs at several speeds would part them.")
     free = places("cart_mass", "cart_damping", "cart_gain", "swing_damping")
     scale = np.append(VECTOR[free[:3]], 0.0) * 10.0  # ten times as wide as they are large
-    (said,) = warnings(TABLE, VECTOR, free, np.outer(scale, scale) + np.diag([0.0, 0.0, 0.0, 1e-12]))
+    (said,) = warnings(TABLE, VECTOR, free, np.outer(scale, scale) + np.diag([0.0, 0.0, 0.0, 1e-12]), TABLE.bounds())
     assert said.startswith(
         "The recordings hardly determine a factor that cart mass, cart damping and cart gain have in"
     )
@@ -101,7 +102,7 @@ def test_what_is_not_determined_is_said():
     at_bound = VECTOR.copy()
     at_bound[free[2]] = 0.0
     narrow = np.diag([1e-4, 1e-4, 1e-20])
-    (said,) = warnings(TABLE, at_bound, free, narrow)
+    (said,) = warnings(TABLE, at_bound, free, narrow, TABLE.bounds())
     assert said == "The level of the Coulomb friction at the cart ended at its bound of 0 N."
 
 
@@ -114,7 +115,7 @@ def test_numbers_that_are_tied_are_said_with_what_would_part_them():
         (light, 10.0, "The recordings hardly tell cart damping and cart gain apart"),
     ):
         std = width * VECTOR[free]
-        (said,) = warnings(TABLE, VECTOR, free, np.outer(std, std))
+        (said,) = warnings(TABLE, VECTOR, free, np.outer(std, std), TABLE.bounds())
         assert said.startswith(begin)
 
 
@@ -123,7 +124,7 @@ def test_values_of_a_map_are_counted():
     free = places("position_dependent_friction@cart.levels", "cart_gain")
     cov = np.diag([25.0, 1e-6, 25.0, 1e-4])
     cov[0, 2] = cov[2, 0] = 0.999 * 25.0
-    said = warnings(TABLE, VECTOR, free, cov)
+    said = warnings(TABLE, VECTOR, free, cov, TABLE.bounds())
     wanted = "The recordings hardly determine 2 of the 3 values of the levels of the"
     assert len(said) == 1 and said[0].startswith(wanted) and said[0].endswith("trust their shape, not their level.")
 
@@ -133,5 +134,17 @@ def test_a_number_at_either_bound_is_said(value):
     plant = make_plant(("load_dependent_friction", "cart", {"level": 1.0, "share": value}))
     table = ParameterTable(plant)
     free = np.array(table.positions("load_dependent_friction@cart.share"))
-    (said,) = warnings(table, np.array(table.ravel(plant)), free, np.array([[1e-20]]))
+    (said,) = warnings(table, np.array(table.ravel(plant)), free, np.array([[1e-20]]), table.bounds())
     assert said.endswith(f"ended at its bound of {value:g} N/N.")
+
+
+def test_a_bound_that_recordings_set_is_said():
+    """A period may be no longer than what they show twice."""
+    plant = make_plant(("torque_ripple", "cart_drive", {"amplitude": 0.1, "period": 0.3, "phase": 0.0}))
+    table = ParameterTable(plant)
+    name = "torque_ripple@cart_drive.period"
+    bounds = Prior(periods={name: 0.3}).bounds(table)
+    (said,) = warnings(
+        table, np.array(table.ravel(plant)), np.array(table.positions(name)), np.array([[1e-20]]), bounds
+    )
+    assert "ended at its bound of 0.3 m" in said
