@@ -34,8 +34,8 @@ _SOME = 3
 """Recordings on which proposals are screened and first refitted."""
 _SHORT = 1.0
 """Horizon [s] on which they are, beside whole recordings: long enough to show forces, and nearly linear."""
-_FIRST, _LAST = 6, 12
-"""Iterations of a fit to short or some windows, and to all: models are compared when their fits have arrived."""
+_FIRST = 6
+"""Iterations of a fit to short or some windows, from which one to all goes on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +79,7 @@ def select(
         problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
         problem = dataclasses.replace(problem, until=until(len(now.names) + 1))
         # What a larger model gains must not be what more iterations gain.
-        [point] = problem.solve(now.space.engine, [now.point.start], _LAST)
+        [point] = problem.solve(now.space.engine, [now.point.start])
         point = problem.solved_anew(now.space.engine, point)
         now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
         so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
@@ -105,7 +105,7 @@ def select(
         forget_if_large()
     problem = dataclasses.replace(problem, until=math.inf)
     if stopped != "interrupted":
-        [point] = problem.solve(held[-1].space.engine, [held[-1].point.start], _LAST)
+        [point] = problem.solve(held[-1].space.engine, [held[-1].point.start])
         held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
     return Search(problem, tuple(held), tuple(tried), stopped)
 
@@ -241,14 +241,14 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
         [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _FIRST)
         climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
         begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
-        [point] = problem.solve(engine, [begun.start], _LAST)
+        [point] = problem.solve(engine, [begun.start])
         restarted = False
         if point.value > now.point.value and move.absent is not None:
             # What fits short windows may run away in long ones: then the effect grows from its absence, where the
             # model is as good as the one that it contains.
             restarted = True
             absent = Start(move.absent, start.free, now.point.states)
-            point = min(point, *problem.solve(engine, [absent], _LAST), key=lambda p: p.value)
+            point = min(point, *problem.solve(engine, [absent]), key=lambda p: p.value)
         if time.monotonic() > problem.until:
             # What was cut short says nothing beside what was not.
             return None

@@ -16,9 +16,6 @@ from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart
 from ..structures.structure import Structure
 
-REFIT = 12
-"""Iterations of a fit without one of the effects."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Fixed:
@@ -77,7 +74,7 @@ def refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Nam
     places = np.array([engine.table.positions(name)[0] for name in free], np.int64)
     states = base.point.states if len(model.names) == len(left) else model.point.states
     start = Start(np.array(engine.table.ravel(plant), dtype=float), places, states)
-    [point] = problem.solve(engine, [start], REFIT)
+    [point] = problem.solve(engine, [start])
     fitted = engine.table.unravel(point.vector)
     return Fixed(fitted, tuple(n for n in model.names if n not in left), engine, point)
 
@@ -104,7 +101,7 @@ def replaced(
     engine = engine_for(problem.setting, problem.data, plant)
     places = np.array([engine.table.positions(n)[0] for n in free], np.int64)
     start = Start(np.array(engine.table.ravel(plant), dtype=float), places, model.point.states)
-    [point] = problem.solve(engine, [start], REFIT)
+    [point] = problem.solve(engine, [start])
     return Fixed(engine.table.unravel(point.vector), names, engine, point)
 
 

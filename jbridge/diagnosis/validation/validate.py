@@ -31,7 +31,7 @@ from ..structures.space import Name, happens_once
 from ..structures.structure import Structure, prediction_gap, steadiness
 from .holdout import HoldOut
 from .own_numbers import Apart, own_numbers
-from .refits import REFIT, Fixed, of_its_own, refitted
+from .refits import Fixed, of_its_own, refitted
 
 _COMPARED = (0.3, 1.0, 3.0, WHOLE)
 """Horizons on which models are compared, those of the criterion."""
@@ -197,7 +197,7 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
     """The model as given with the numbers that leave the hold-out's squared error smaller: fitted as all models are, or
     by least squares, so that nothing is explained that another fit would have closed."""
     squares = dataclasses.replace(problem, likelihood=problem.likelihood.of_squares())
-    [point] = squares.solve(base.space.engine, [base.point.start], REFIT)
+    [point] = squares.solve(base.space.engine, [base.point.start])
     found = []
     for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
         run = judge.evaluate(each.plant, each.space.engine)
