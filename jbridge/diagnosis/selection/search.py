@@ -35,7 +35,11 @@ _SOME = 3
 _SHORT = 1.0
 """Horizon [s] on which they are, beside whole recordings: long enough to show forces, and nearly linear."""
 _FIRST = 6
-"""Iterations of a fit to short or some windows, from which one to all goes on."""
+"""Iterations of the fit to some windows beside which proposals are screened."""
+_STAGE, _STAGES = 3, 4
+"""Iterations of a trial fit before it is compared with the others, and how often it is."""
+_ARRIVED = 0.1
+"""Gain of a stage [nat] below which a fit has arrived."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,30 +235,46 @@ def _value(structure: Structure) -> float:
 
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list[Structure]:
-    """Moves fitted to all windows."""
+    """Moves fitted to all windows, some iterations of each at a time: a fit goes on as long as one more gain like its
+    last would make it the best."""
 
-    def fitted(move: Move) -> Structure | None:
+    def priced(structure: Structure) -> Structure:
+        # One that gains nothing needs no price.
+        return weighed(problem, structure) if structure.point.value < now.point.value else structure
+
+    def begun(move: Move) -> tuple[Structure, float] | None:
         if time.monotonic() > problem.until:
             return None
         engine, start = move.space.engine, move.start
         low = problem.shortest()
-        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _FIRST)
+        [short] = low.solve(engine, [Start(start.vector, start.free, problem.states_of(start.states, low))], _STAGE)
         climbed = Start(short.vector, short.free, problem.states_with(start.states, low, short.states))
-        begun = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
-        [point] = problem.solve(engine, [begun.start])
+        first = min(problem.evaluate(engine, [start, climbed]), key=lambda p: p.value)
+        [point] = problem.solve(engine, [first.start], _STAGE)
         restarted = False
         if point.value > now.point.value and move.absent is not None:
             # What fits short windows may run away in long ones: then the effect grows from its absence, where the
             # model is as good as the one that it contains.
             restarted = True
-            absent = Start(move.absent, start.free, now.point.states)
-            point = min(point, *problem.solve(engine, [absent]), key=lambda p: p.value)
-        if time.monotonic() > problem.until:
-            # What was cut short says nothing beside what was not.
-            return None
-        structure = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
-        # One that gains nothing needs no price.
-        return weighed(problem, structure) if point.value < now.value else structure
+            [other] = problem.solve(engine, [Start(move.absent, start.free, now.point.states)], _STAGE)
+            first, point = min((first, point), (now.point, other), key=lambda pair: pair[1].value)
+        fitted = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
+        return priced(fitted), first.value - point.value
+
+    def continued(fit: tuple[Structure, float]) -> tuple[Structure, float]:
+        structure, _ = fit
+        [point] = problem.solve(structure.space.engine, [structure.point.start], _STAGE)
+        return dataclasses.replace(structure, point=point), structure.point.value - point.value
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        return [structure for structure in pool.map(fitted, moves) if structure is not None]
+        fits = [fit for fit in pool.map(begun, moves) if fit is not None]
+        longer: set[int] = set()
+        for _ in range(1, _STAGES):
+            best = min([now.value, *(s.value for s, _ in fits)])
+            on = [i for i, (s, gain) in enumerate(fits) if gain > _ARRIVED and s.value - gain < best]
+            for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
+                fits[i] = fit
+            longer.update(on)
+        found = list(pool.map(lambda i: priced(fits[i][0]) if i in longer else fits[i][0], range(len(fits))))
+    # What was cut short says nothing beside what was not.
+    return found if time.monotonic() < problem.until else []
