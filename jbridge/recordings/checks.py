@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from math import isclose
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -57,7 +56,7 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray, column: Column) ->
         sample = int(bad.argmax())
         if name == "t":
             line = from_its_start(column, values).line("t")
-            remedy = f"count time from the start of the run, in its unit: {line} under [columns]"
+            remedy = f"count time from the start of the run, in its unit; declare {line} under [columns]"
         else:
             declared = f'{name} = {{column = {json.dumps(column.name, ensure_ascii=False)}, unit = "..."}}'
             remedy = f"correct it, or declare its unit under [columns]: {declared}"
@@ -108,15 +107,12 @@ def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
 
 def with_longer_unit(column: Column, step: float) -> Column | None:
     """Returns the column of a time in the unit that makes the time between its rows [s] that of a log, if one does."""
-    sizes = UNITS["t"]
-    for factor in (1e3, 1e6):
-        if FASTEST <= factor * step <= SLOWEST:
-            if column.scale is not None:
-                return replace(column, scale=column.scale * factor)
-            for name, size in sizes.items():
-                if isclose(size, factor * sizes[column.unit]):
-                    return replace(column, unit=name)
-    return None
+    if column.scale is not None:
+        factors = (f for f in (1e3, 1e6) if FASTEST <= f * step <= SLOWEST)
+        return next((replace(column, scale=column.scale * f) for f in factors), None)
+    size = UNITS["t"][column.unit]
+    longer = (u for u, s in UNITS["t"].items() if s > size and FASTEST <= s / size * step <= SLOWEST)
+    return next((replace(column, unit=unit) for unit in longer), None)
 
 
 def why_often(steps: np.ndarray, column: Column) -> str:

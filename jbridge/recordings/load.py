@@ -15,6 +15,7 @@ from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains
+from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import (
     doubtful_absence,
@@ -204,7 +205,11 @@ def make_reading(
         tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values
-    of_units = [*doubtful_units(channels), *doubtful_angle(channels, parts.locked_length)]
+    of_units = [
+        *doubtful_units(channels),
+        *doubtful_angle(channels, parts.locked_length),
+        *doubtful_silence(channels),
+    ]
     for doubt in of_units:
         tell(doubt)
     measured = {name: values[name] for name in MEASURED if name in values}
@@ -222,8 +227,8 @@ def make_reading(
     quick = {name: measured[name] for name, hold in holds.items() if not hold.held and name not in declared.hold}
     lost = lost_together(times, quick, resolution)
     fresh |= {name: ~rows for name, rows in lost.items()}
+    samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
     if not of_units:
-        samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
         for doubt in doubtful_signs(channels, samples, parts.locked_length):
             tell(doubt)
     arrays: dict[str, Any] = {
@@ -246,6 +251,7 @@ def make_reading(
             *parts.notes,
             *describe(channels, declared, resolution, holds),
             *lost_notes(times, lost),
+            *sensor_notes(samples, resolution, holds, parts.locked_length),
         ),
         earlier=Commands(
             read_only(before["t"]),

@@ -34,7 +34,8 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
     u, x = (channels.values.get(name) for name in ("u_x", "x"))
     if u is not None and x is not None and u.min() >= 0.0 < u.max() and both_ways(x):
         notes.append(
-            "u_x is never negative, but the cart goes both ways: give u_x its sign if the log has it elsewhere."
+            "u_x is never negative, but the cart goes both ways: declare the reading that is no input as its offset, or"
+            " give u_x its sign if the log has it elsewhere."
         )
     for gain, value in channels.gains.items():
         if gain not in declared.override:

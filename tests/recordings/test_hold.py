@@ -120,7 +120,7 @@ def test_what_is_declared_wins(write, columns):
 
 
 def test_a_declared_hold_without_motion_keeps_every_row(write, columns):
-    columns["psi"][:] = 0.01
+    columns |= {"psi": np.full(400, 0.01), "x": np.full(400, 0.5)}
     recording = load_recording(write(columns, "[hold]\npsi = true\n"))
     assert recording.fresh["psi"].all()
 
@@ -140,6 +140,6 @@ def test_rest_learns_from_the_other_recordings(write, columns):
 def test_an_encoder_among_cameras_stays_one(write, columns):
     moving = write(held_columns(columns), name="moving.csv")
     encoder = write(columns, name="encoder.csv")
-    rest = write({**columns, "psi": np.full(400, 0.01)}, name="rest.csv")
+    rest = write({**columns, "psi": np.full(400, 0.01), "x": np.full(400, 0.5)}, name="rest.csv")
     assert load_recordings([moving, encoder])[1].fresh["psi"].all()
     assert load_recordings([moving, encoder, rest])[2].fresh["psi"].all()

@@ -56,6 +56,7 @@ MENDED = {
     "t in ms": scaled(t=1e3),
     "t in us": scaled(t=1e6) | {"t": 1e6 * TRUTH["t"] / 100, "x": TRUTH["x"]},
     "t in ms, rows of 40 ms": {name: values[::4] for name, values in scaled(t=1e3).items()},
+    "t in days, as spreadsheets count": scaled() | {"t": 45000.0 + TRUTH["t"] / 86400.0},
     "psi in degrees": scaled(psi=180 / np.pi),
     "psi in milliradians": scaled(psi=1e3),
     "psi turned": scaled(psi=-1.0),

@@ -1,0 +1,117 @@
+"""What a sensor does that nothing on a rig does: it stops from one row to the next, or its zero is not at rest."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from jbridge.errors import InputError, cut
+from jbridge.recordings.channels import Channels
+from jbridge.recordings.checks import GRAVITY
+from jbridge.recordings.hold import Hold
+from jbridge.recordings.plausibility.motion import Samples, in_cells, swing_cells
+from jbridge.recordings.plausibility.refusals import FORCE, place
+
+ROWS = 5
+"""Rows of one value from which on a sensor stands still."""
+BEFORE = 3
+"""Rows that show how fast it came."""
+LONGER = 3.0
+"""Multiple of the time that a motion stays within a count where it turns round."""
+COUNTS = 4.0
+"""Way in these rows, over the sensor's count or what its noise takes for one, from which on it moved at all."""
+FAR = 0.05
+"""Angle [rad] that no friction at a pivot holds, and acceleration of a cart over gravity that makes any load swing."""
+CELL = 0.2
+"""Time over which a cart's position is averaged for its acceleration [s]."""
+
+
+def doubtful_silence(channels: Channels) -> Iterator[InputError]:
+    """Yields the refusal of an angle that never changes although the cart speeds up and slows down."""
+    times, x, psi = (channels.values.get(name) for name in ("t", "x", "psi"))
+    if times is None or x is None or psi is None or np.ptp(psi) > 0:
+        return
+    cells = in_cells(CELL, times, {"x": (times, x)}, {})
+    # A load hangs straight down below a cart of constant speed.
+    if cells is not None and np.std(cells.acceleration("x")[cells.whole]) > FAR * GRAVITY:
+        name = cut(channels.columns["psi"].name)
+        yield InputError(
+            f"{channels.table.path}, column {name}: the angle never changes, though the cart moves by"
+            f" {np.ptp(x):.2g} m; if nothing swings or its sensor is dead, declare psi = false {place(channels)}{FORCE}"
+        )
+
+
+def sensor_notes(
+    samples: Mapping[str, Samples],
+    resolution: Mapping[str, float],
+    holds: Mapping[str, Hold],
+    locked_length: float | None,
+) -> list[str]:
+    """Returns sentences on sensors that stop dead, and on an angle whose zero is not where the load hangs.
+
+    Args:
+        samples: the fresh samples of each measured channel.
+        resolution: size of each channel's count [m, rad].
+        holds: of each channel; one that repeats its value says nothing here.
+        locked_length: of the rope [m], where there is no `l`.
+    """
+    notes = []
+    l = samples.get("l")
+    length = locked_length if l is None else float(np.median(l[1]))
+    for name, (times, values) in samples.items():
+        if holds[name].held or (name == "psi" and not length):
+            continue
+        limit, unit = (GRAVITY / float(length or 1.0), "rad") if name == "psi" else (GRAVITY, "m")
+        rows = dead_stops(times, values, resolution[name], limit)
+        if rows.size:
+            more = f", and {rows.size - 1} times more" if rows.size > 1 else ""
+            other = "" if name == "psi" else ", or something runs against a stop"
+            notes.append(
+                f"{name} stops dead at {values[rows[0]]:.4g} {unit} at {times[rows[0]]:.6g} s{more}: the sensor's range"
+                f" ends there, or it hangs{other}; leave such stretches out ([trim], or delete their rows)."
+            )
+    if "psi" in samples and length:
+        angle = hanging(samples["psi"], samples.get("x"), samples["psi"] if l is None else l, length)
+        if FAR < abs(angle) < 1.0:
+            notes.append(
+                f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare it as the offset"
+                f" of psi ({angle:.2g} rad, {np.rad2deg(angle):.2g} deg)."
+            )
+    return notes
+
+
+def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: float) -> np.ndarray:
+    """Returns the first rows of the stretches in which a channel holds one value, `ROWS` rows or more, although it came
+    at a speed from which it would have taken more than a row to stop.
+
+    Args:
+        times: of the samples [s].
+        values: of the channel.
+        resolution: size of its count, 0 if it has none.
+        limit: deceleration of what moves [unit of the values over s²].
+    """
+    count = max(resolution, float(np.median(np.abs(np.diff(values, 2)))) if values.size > 2 else 0.0)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+    ends = np.append(starts[1:], values.size) - 1
+    # What turns round at the limit stays within a count for a while, too.
+    turning = np.sqrt(8 * count / limit)
+    still = (ends - starts >= ROWS - 1) & (times[ends] - times[starts] > LONGER * turning)
+    first = starts[still & (starts > BEFORE)]
+    if not first.size:
+        return first
+    way, took = np.abs(values[first] - values[first - BEFORE]), times[first] - times[first - BEFORE]
+    one_way = np.abs(sum(np.sign(values[first - k] - values[first - k - 1]) for k in range(BEFORE))) == BEFORE
+    # It may have braked in the rows before, at the limit, and in the one in which it stopped.
+    fastest = limit * (took / 2 + took / BEFORE)
+    return first[one_way & (way > COUNTS * count) & (way / took > fastest)]
+
+
+def hanging(psi: Samples, x: Samples | None, l: Samples, length: float) -> float:
+    """Returns the angle at which the load hangs in the mean [rad]: what its equation of motion leaves, over gravity."""
+    position = (psi[0], np.zeros(psi[0].size)) if x is None else x
+    rope = (psi[0], np.full(psi[0].size, length)) if l is psi else l
+    cells = swing_cells(psi[0], psi, position, rope)
+    if cells is None:
+        return 0.0
+    turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
+    force = turn + GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
+    return float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
