@@ -200,13 +200,14 @@ def _larger(
 
 def _told_apart(now: Structure, then: Structure, tried: Sequence[Structure]) -> bool:
     """Whether no other addition on its axis comes near an added effect."""
+    near, own = math.log(1.0 / CRITERIA.apart), _new_axes(now, then)
+    rivals = [s.value for s in tried if s is not then and _new_axes(now, s) & own]
+    return bool(own) and min(rivals, default=math.inf) > then.value + near
 
-    def axes(structure: Structure) -> set[str]:
-        return {axis_of(name) for name in structure.names if name not in now.names}
 
-    near = math.log(1.0 / CRITERIA.apart)
-    rivals = [s.value for s in tried if s is not then and axes(s) & axes(then)]
-    return bool(axes(then)) and min(rivals, default=math.inf) > then.value + near
+def _new_axes(now: Structure, then: Structure) -> frozenset[str]:
+    """The axes on which a model has effects that another lacks."""
+    return frozenset(axis_of(name) for name in then.names if name not in now.names)
 
 
 def _with_other_axes(
@@ -217,7 +218,7 @@ def _with_other_axes(
     seen: set[frozenset[str]],
 ) -> Structure:
     """The best model with what others add on other axes, one after the other, as long as it gains."""
-    taken = {axis_of(name) for name in best.names if name not in now.names}
+    taken = set(_new_axes(now, best))
     for other in others if taken else ():
         [new] = set(other.names) - set(now.names)
         if axis_of(new) in taken:
@@ -236,7 +237,7 @@ def _value(structure: Structure) -> float:
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list[Structure]:
     """Moves fitted to all windows, some iterations of each at a time: a fit goes on as long as one more gain like its
-    last would make it the best."""
+    last would make it the best on its axes."""
 
     def priced(structure: Structure) -> Structure:
         # One that gains nothing needs no price.
@@ -270,8 +271,10 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
         fits = [fit for fit in pool.map(begun, moves) if fit is not None]
         longer: set[int] = set()
         for _ in range(1, _STAGES):
-            best = min([now.value, *(s.value for s, _ in fits)])
-            on = [i for i, (s, gain) in enumerate(fits) if gain > _ARRIVED and s.value - gain < best]
+            best: dict[frozenset[str], float] = {}
+            for s, _ in fits:
+                best[_new_axes(now, s)] = min(s.value, best.get(_new_axes(now, s), now.value))
+            on = [i for i, (s, gain) in enumerate(fits) if gain > _ARRIVED and s.value - gain < best[_new_axes(now, s)]]
             for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
                 fits[i] = fit
             longer.update(on)
