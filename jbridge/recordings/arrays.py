@@ -37,7 +37,16 @@ def recording_from(
     longest = max((values.size for values in usable.values()), default=0)
     table = Table(name, name, usable, np.arange(longest), unusable)
     declared = parse_sidecar(Where(f"{name}, sidecar"), plain(sidecar)) if sidecar else Sidecar()
-    return make_reading(Path(name), table, declared, inputs_only, ignore if force else refuse).recording
+    try:
+        return make_reading(Path(name), table, declared, inputs_only, ignore if force else refuse).recording
+    except InputError as error:
+        # What the owner of a file writes beside it, and on the command line, are arguments here.
+        said = (
+            str(error)
+            .replace(f" in {name}.toml", " of the argument sidecar")
+            .replace("--force takes", "force=True takes")
+        )
+        raise InputError(said) from None
 
 
 def columns_of(name: str, frame: Any) -> dict[str, Any]:

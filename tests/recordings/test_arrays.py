@@ -199,3 +199,11 @@ def test_leaps_are_noted(slip, count):
         rows = {"t": times, "u_x": np.sin(3.0 * times), "x": place, "psi": angle}
         recording = Recording.from_arrays(**rows, sidecar={"locked": {"l": 0.6}})
         assert any("leaps by" in note for note in recording.notes) == noted
+
+
+def test_what_is_to_be_declared_is_an_argument():
+    t = np.arange(200) * 0.01
+    with pytest.raises(InputError, match=r"under \[locked\] of the argument sidecar"):
+        Recording.from_arrays(t=t, psi=0.1 * np.sin(4 * t))
+    with pytest.raises(InputError, match="force=True takes it as it is"):
+        Recording.from_arrays(t=t, x=1000 * t, u_x=np.sin(t))

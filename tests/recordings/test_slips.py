@@ -172,6 +172,7 @@ READ = {
     ),
     "a row of units": edited(lambda n: [n[0], ",".join(SI.values()), *n[1:]]),
     "comments above": edited(lambda n: ["# rig 3, in May", "% 100 Hz", *n]),
+    "comments after semicolons": edited(lambda n: ["; rig 3, in May", "; " + n[0], *n[1:]]),
     "a comment between": edited(lambda n: [*n[:80], "# the button, twice", *n[80:]]),
     "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
     "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),

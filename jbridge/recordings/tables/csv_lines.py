@@ -12,8 +12,8 @@ from jbridge.recordings.tables.columns import SPELLINGS, UNITS
 
 STAMP = re.compile(r"\s*\d{1,2}:\d\d:\d\d(?:\.\d+)? -> ")
 """What a serial monitor that shows times puts before each line."""
-COMMENT = re.compile(r"\s*(?:[#%]|//)")
-"""Start of a line of comment, and of what a spreadsheet writes for an error in a formula."""
+COMMENT = re.compile(r"\s*(?:[#%]|//|;[^;]*$)")
+"""Start of a line of comment, and of what a spreadsheet writes for an error in a formula; semicolons also separate."""
 WITH_COMMA = re.compile(r"[\d:]+(?:,\d+)+(?:[eE][-+]?\d+)?")
 """A number, or a time of day, with decimal comma or separators of thousands."""
 THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
@@ -69,7 +69,7 @@ def drop_comments(lines: list[str]) -> tuple[str, ...]:
     before = [number for number in comments if number < first]
     if before and rest and starts_with_number(lines[first]):
         first = before.pop()
-        lines[first] = re.sub(r"^\s*(?:[#%]+|//+)\s*", "", lines[first])
+        lines[first] = re.sub(r"^\s*(?:[#%]+|//+|;)\s*", "", lines[first])
         rest.insert(0, first)
     if rest:
         separator = separator_of(lines[first], [lines[number] for number in rest[1:]])
