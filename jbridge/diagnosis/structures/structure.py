@@ -121,13 +121,13 @@ def with_own_levels(structure: Structure) -> Structure:
 
 
 def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
-    """Whether another model takes the place of one: the criterion is lower, and what a larger model gains, it gains
-    on blocks that are left out, too, in all and steadily. Effects that imitate what has no name gain on those from
-    which they are estimated."""
+    """Whether another model takes the place of one: the criterion is lower, and what a model gains that is no smaller,
+    it gains on blocks that are left out, too, in all and steadily. Effects that imitate what has no name gain on those
+    from which they are estimated."""
     if not then.value < now.value:
         return False
     added = set(then.names) - set(now.names)
-    if len(then.point.free) <= len(now.point.free) or any(happens_once(kind) for kind, _ in added):
+    if len(then.point.free) < len(now.point.free) or any(happens_once(kind) for kind, _ in added):
         return True
     gain, blocks = now.blocks - then.blocks, blocks_of(problem)
     if not gain.sum() > 0.0:
