@@ -39,7 +39,7 @@ _FIRST = 6
 _STAGE, _STAGES = 3, 4
 """Iterations of a trial fit before it is compared with the others, and how often it is."""
 _ARRIVED = 0.1
-"""Gain of a stage [nat] below which a fit has arrived."""
+"""What the parameters of a fit that has arrived promise at most [nat]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,8 +236,8 @@ def _value(structure: Structure) -> float:
 
 
 def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list[Structure]:
-    """Moves fitted to all windows, some iterations of each at a time: a fit goes on as long as one more gain like its
-    last would make it the best on its axes."""
+    """Moves fitted to all windows, some iterations of each at a time, until it is decided which is the best on its
+    axes."""
 
     def priced(structure: Structure) -> Structure:
         # One that gains nothing needs no price.
@@ -265,19 +265,32 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
     def continued(fit: tuple[Structure, float]) -> tuple[Structure, float]:
         structure, _ = fit
         [point] = problem.solve(structure.space.engine, [structure.point.start], _STAGE)
-        return dataclasses.replace(structure, point=point), structure.point.value - point.value
+        return priced(dataclasses.replace(structure, point=point)), structure.point.value - point.value
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
         fits = [fit for fit in pool.map(begun, moves) if fit is not None]
-        longer: set[int] = set()
         for _ in range(1, _STAGES):
-            best: dict[frozenset[str], float] = {}
-            for s, _ in fits:
-                best[_new_axes(now, s)] = min(s.value, best.get(_new_axes(now, s), now.value))
-            on = [i for i, (s, gain) in enumerate(fits) if gain > _ARRIVED and s.value - gain < best[_new_axes(now, s)]]
+            on = _undecided(now, fits)
             for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
                 fits[i] = fit
-            longer.update(on)
-        found = list(pool.map(lambda i: priced(fits[i][0]) if i in longer else fits[i][0], range(len(fits))))
     # What was cut short says nothing beside what was not.
-    return found if time.monotonic() < problem.until else []
+    return [structure for structure, _ in fits] if time.monotonic() < problem.until else []
+
+
+def _undecided(now: Structure, fits: Sequence[tuple[Structure, float]]) -> list[int]:
+    """The fits whose parameters still move, if one more gain like their last could change which is the best on its
+    axes.
+
+    Args:
+        now: the model that all are compared with.
+        fits: each with what it gained in its last iterations.
+    """
+    axes = [_new_axes(now, s) for s, _ in fits]
+    out = []
+    for own in dict.fromkeys(axes):
+        group = [i for i, each in enumerate(axes) if each == own]
+        best = min(now.value, *(fits[i][0].value for i in group))
+        moving = [i for i in group if fits[i][0].promise > _ARRIVED and fits[i][0].value - fits[i][1] < best]
+        # The best one goes on beside others alone.
+        out += [i for i in moving if fits[i][0].value > best or len(moving) > 1]
+    return out

@@ -35,6 +35,8 @@ class Structure:
     """The criterion by block, each left out in turn."""
     price: float
     """What its numbers and the choices behind it must gain."""
+    promise: float = 0.0
+    """What the next step of its parameters should gain [nat]: next to nothing where its fit has arrived."""
     restarted: bool = False
     """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
     left: tuple[NDArray[np.float32], ...] = ()
@@ -77,7 +79,8 @@ def weighed(problem: Problem, structure: Structure) -> Structure:
     numbers = _numbers(problem, structure, normal)
     price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
     left = tuple(each.astype(np.float32) for each in problem.residuals(space.engine, point))
-    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal), left=left)
+    blocks, promise = left_out(problem, space, point, normal)
+    return dataclasses.replace(structure, price=price, promise=promise, blocks=blocks, left=left)
 
 
 def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
@@ -211,8 +214,9 @@ def _swing_period(problem: Problem) -> float:
     return 2.0 * math.pi * math.sqrt(problem.setting.length / 9.81)
 
 
-def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
-    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit.
+def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> tuple[NDArray[np.float64], float]:
+    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit; and what
+    the step that all blocks together ask for should gain.
 
     The step is what the block itself takes away: what all blocks together still ask for is part of no judgement.
     """
@@ -236,7 +240,8 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> ND
         step = np.clip(asked(total - each[own].sum(axis=0)) - every, least, most)
         square = squares(problem, normal.products, step)
         out.append(float(problem.likelihood.by_window(square, scale)[own].sum()))
-    return np.array(out)
+    promise = -float(every @ (total[:n, n] + gradient + 0.5 * (total[:n, :n] + precision) @ every))
+    return np.array(out), promise
 
 
 def squares(problem: Problem, products: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,6 +27,9 @@ from .variable_projection import Normal, moved_states, normal_equations
 _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _STIFFEST = 1e3
 """How many times stiffer a spring may get in one step."""
+_OF_STATES = 10.0
+"""How many times the tolerance a step must gain once the parameters have arrived: each window goes on choosing among
+initial states, by which no two models differ."""
 _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
 
@@ -37,7 +40,8 @@ class Limits(NamedTuple):
     iterations: int
     """Most steps of each start."""
     tolerance: float = 0.1
-    """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion."""
+    """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion; where
+    parameters promise less, when initial states gain less than ten times as much."""
     until: float = math.inf
     """Time of `time.monotonic` [s] from which on no step is begun."""
 
@@ -72,11 +76,11 @@ def solve(
         normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen])
         waiting = dict(zip(chosen, normals, strict=True))
         while waiting:
-            trials = []
+            trials, promises = [], {}
             for i, normal in waiting.items():
                 point = points[i]
                 weight = likelihood.weights(point.square)
-                vector, step = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
+                vector, step, promises[i] = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, likelihood, trials)
@@ -88,7 +92,8 @@ def solve(
                 if gain > 0:
                     points[i] = new
                     damping[i] = max(0.1 * damping[i], 1e-9)
-                    active[i] = gain > limits.tolerance * max(1.0, 1e-3 * abs(new.value))
+                    least = limits.tolerance * max(1.0, 1e-3 * abs(new.value))
+                    active[i] = gain > (_OF_STATES if promises[i] < least else 1.0) * least
                 elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):
                     active[i] = False
                 else:
@@ -108,9 +113,9 @@ def _stepped(
     prior: Prior,
     point: Point,
     damping: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, and that step along the
-    tangents, which initial states follow."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, that step along the
+    tangents, which initial states follow, and what it should gain [nat] beyond what they gain alone."""
     free, vector = point.free, point.vector.copy()
     low, high = prior.bounds(table)
     total = np.einsum("wc,wcij->ij", weight, normal.products)
@@ -129,7 +134,8 @@ def _stepped(
     after = now + step
     after[is_spring] = 1.0 / after[is_spring]
     vector[free] = after
-    return vector, slope * step
+    along = slope * step
+    return vector, along, -float(along @ (right + 0.5 * matrix @ along))
 
 
 def _kept_where_better(
