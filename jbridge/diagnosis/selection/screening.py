@@ -18,9 +18,9 @@ from ..structures.space import Name, Space, is_apart, make_space
 from ..structures.structure import Structure, squares
 from .starting_points import promising
 
-_COLUMNS = 12
-"""Parameter columns of a call, which most models need no more than; always the same, so that one program serves a whole
-search."""
+_ROOM = 4
+"""Parameter columns of a call beyond those of the model as given, which most models need no more than; a multiple of
+as many, and always the same, so that one program serves a whole search."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 
@@ -40,7 +40,9 @@ def seen_among_all(problem: Problem, part: Problem, now: Structure) -> AmongAll:
     added = {n for n in now.names if n[0] != WRONG_VALUE and not is_apart(n[0])} - finer
     given = len(now.plant.effects) - len([n for n in now.names if n[0] != WRONG_VALUE])
     own = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) not in added)
-    space = make_space(problem, Plant(now.plant.bridge, own), now.known, width=_COLUMNS)
+    columns = len(now.free) - sum(len(now.places(name)) for name in now.names)
+    width = _ROOM * math.ceil(columns / _ROOM + 1)
+    space = make_space(problem, Plant(now.plant.bridge, own), now.known, width=width)
     places = np.array([space.table.positions(name)[0] for name in now.free], np.int64)
     [point] = part.evaluate(space.engine, [Start(space.with_values(now.plant), places, now.point.states)])
     return AmongAll(space, point)
