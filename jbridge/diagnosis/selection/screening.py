@@ -19,8 +19,8 @@ from ..structures.structure import Structure, squares
 from .starting_points import promising
 
 _ROOM = 4
-"""Parameter columns of a call beyond those of the model as given, which most models need no more than; a multiple of
-as many, and always the same, so that one program serves a whole search."""
+"""Parameter columns that a call has beyond those of the model as given, at least, rounded up to a multiple of as many:
+most models need no more. Always the same, so that one program serves a whole search."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 

@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,7 +38,7 @@ _SHORT = 1.0
 _FIRST = 6
 """Iterations of the fit to some windows beside which proposals are screened."""
 _STAGE, _STAGES = 3, 4
-"""Iterations of a trial fit before it is compared with the others, and how often it is."""
+"""Iterations of a trial fit before it is compared with the others, and of how many such stages it has at most."""
 _ARRIVED = 0.1
 """What the parameters of a fit that has arrived promise at most [nat]."""
 
@@ -239,11 +240,7 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
     """Moves fitted to all windows, some iterations of each at a time, until it is decided which is the best on its
     axes."""
 
-    def priced(structure: Structure) -> Structure:
-        # One that gains nothing needs no price.
-        return weighed(problem, structure) if structure.point.value < now.point.value else structure
-
-    def begun(move: Move) -> tuple[Structure, float] | None:
+    def begun(move: Move) -> _Fit | None:
         if time.monotonic() > problem.until:
             return None
         engine, start = move.space.engine, move.start
@@ -259,38 +256,53 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
             restarted = True
             [other] = problem.solve(engine, [Start(move.absent, start.free, now.point.states)], _STAGE)
             first, point = min((first, point), (now.point, other), key=lambda pair: pair[1].value)
+        if time.monotonic() > problem.until:
+            # What was cut short says nothing beside what was not.
+            return None
         fitted = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
-        return priced(fitted), first.value - point.value
+        return _Fit(weighed(problem, fitted), first.value - point.value)
 
-    def continued(fit: tuple[Structure, float]) -> tuple[Structure, float]:
-        structure, _ = fit
-        [point] = problem.solve(structure.space.engine, [structure.point.start], _STAGE)
-        return priced(dataclasses.replace(structure, point=point)), structure.point.value - point.value
+    def continued(fit: _Fit) -> _Fit:
+        structure, before = fit.structure, fit.structure.point
+        [point] = problem.solve(structure.space.engine, [before.start], _STAGE)
+        return _Fit(dataclasses.replace(structure, point=point), before.value - point.value)
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
         fits = [fit for fit in pool.map(begun, moves) if fit is not None]
+        longer: set[int] = set()
         for _ in range(1, _STAGES):
             on = _undecided(now, fits)
+            if time.monotonic() > problem.until:
+                break
             for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
                 fits[i] = fit
-    # What was cut short says nothing beside what was not.
-    return [structure for structure, _ in fits] if time.monotonic() < problem.until else []
+            longer.update(on)
+        # Its price hardly changes while a fit goes on.
+        again = {i: pool.submit(weighed, problem, fits[i].structure) for i in longer}
+        return [again[i].result() if i in again else fit.structure for i, fit in enumerate(fits)]
 
 
-def _undecided(now: Structure, fits: Sequence[tuple[Structure, float]]) -> list[int]:
+class _Fit(NamedTuple):
+    """A move that is being fitted."""
+
+    structure: Structure
+    gained: float
+    """What its last iterations gained."""
+
+
+def _undecided(now: Structure, fits: Sequence[_Fit]) -> list[int]:
     """The fits whose parameters still move, if one more gain like their last could change which is the best on its
-    axes.
-
-    Args:
-        now: the model that all are compared with.
-        fits: each with what it gained in its last iterations.
-    """
-    axes = [_new_axes(now, s) for s, _ in fits]
+    axes, or whether it is better than the model that all are compared with."""
+    axes = [_new_axes(now, fit.structure) for fit in fits]
     out = []
     for own in dict.fromkeys(axes):
         group = [i for i, each in enumerate(axes) if each == own]
-        best = min(now.value, *(fits[i][0].value for i in group))
-        moving = [i for i in group if fits[i][0].promise > _ARRIVED and fits[i][0].value - fits[i][1] < best]
+        best = min(now.value, *(fits[i].structure.value for i in group))
+        moving = [
+            i
+            for i in group
+            if fits[i].structure.point.promise > _ARRIVED and fits[i].structure.value - fits[i].gained < best
+        ]
         # The best one goes on beside others alone.
-        out += [i for i in moving if fits[i][0].value > best or len(moving) > 1]
+        out += [i for i in moving if fits[i].structure.value > best or len(moving) > 1]
     return out

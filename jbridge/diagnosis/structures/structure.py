@@ -35,8 +35,6 @@ class Structure:
     """The criterion by block, each left out in turn."""
     price: float
     """What its numbers and the choices behind it must gain."""
-    promise: float = 0.0
-    """What the next step of its parameters should gain [nat]: next to nothing where its fit has arrived."""
     restarted: bool = False
     """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
     left: tuple[NDArray[np.float32], ...] = ()
@@ -79,8 +77,7 @@ def weighed(problem: Problem, structure: Structure) -> Structure:
     numbers = _numbers(problem, structure, normal)
     price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
     left = tuple(each.astype(np.float32) for each in problem.residuals(space.engine, point))
-    blocks, promise = left_out(problem, space, point, normal)
-    return dataclasses.replace(structure, price=price, promise=promise, blocks=blocks, left=left)
+    return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal), left=left)
 
 
 def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
@@ -124,9 +121,9 @@ def with_own_levels(structure: Structure) -> Structure:
 
 
 def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
-    """Whether another model takes the place of one: the criterion is lower, and what a model gains that is no smaller,
-    it gains on blocks that are left out, too, in all and steadily. Effects that imitate what has no name gain on those
-    from which they are estimated."""
+    """Whether another model takes the place of one: the criterion is lower, and one with no fewer numbers gains on
+    blocks that are left out, too, in all and steadily. Effects that imitate what has no name gain on those from which
+    they are estimated."""
     if not then.value < now.value:
         return False
     added = set(then.names) - set(now.names)
@@ -214,9 +211,8 @@ def _swing_period(problem: Problem) -> float:
     return 2.0 * math.pi * math.sqrt(problem.setting.length / 9.81)
 
 
-def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> tuple[NDArray[np.float64], float]:
-    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit; and what
-    the step that all blocks together ask for should gain.
+def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> NDArray[np.float64]:
+    """The criterion of each block at the parameters that the others ask for: one Gauss-Newton step, no refit.
 
     The step is what the block itself takes away: what all blocks together still ask for is part of no judgement.
     """
@@ -240,8 +236,7 @@ def left_out(problem: Problem, space: Space, point: Point, normal: Normal) -> tu
         step = np.clip(asked(total - each[own].sum(axis=0)) - every, least, most)
         square = squares(problem, normal.products, step)
         out.append(float(problem.likelihood.by_window(square, scale)[own].sum()))
-    promise = -float(every @ (total[:n, n] + gradient + 0.5 * (total[:n, :n] + precision) @ every))
-    return np.array(out), promise
+    return np.array(out)
 
 
 def squares(problem: Problem, products: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:

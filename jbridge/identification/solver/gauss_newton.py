@@ -28,8 +28,8 @@ _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _STIFFEST = 1e3
 """How many times stiffer a spring may get in one step."""
 _OF_STATES = 10.0
-"""How many times the tolerance a step must gain once the parameters have arrived: each window goes on choosing among
-initial states, by which no two models differ."""
+"""How many times the tolerance a step must gain once the parameters have arrived: each window then goes on choosing
+among initial states, in one model as in another."""
 _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
 
@@ -40,8 +40,8 @@ class Limits(NamedTuple):
     iterations: int
     """Most steps of each start."""
     tolerance: float = 0.1
-    """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion; where
-    parameters promise less, when initial states gain less than ten times as much."""
+    """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion; once its
+    parameters promise less, when a step gains less than ten times as much."""
     until: float = math.inf
     """Time of `time.monotonic` [s] from which on no step is begun."""
 
@@ -75,12 +75,16 @@ def solve(
             break
         normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen])
         waiting = dict(zip(chosen, normals, strict=True))
+        for i, normal in waiting.items():
+            weight = likelihood.weights(points[i].square)
+            promise = _promise(engine.table, normal, weight, likelihood.prior, points[i])
+            points[i] = dataclasses.replace(points[i], promise=promise)
         while waiting:
-            trials, promises = [], {}
+            trials = []
             for i, normal in waiting.items():
                 point = points[i]
                 weight = likelihood.weights(point.square)
-                vector, step, promises[i] = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
+                vector, step = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
             found = evaluate(engine, data, likelihood, trials)
@@ -90,10 +94,11 @@ def solve(
                 pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
                 gain = points[i].value - new.value
                 if gain > 0:
-                    points[i] = new
+                    points[i] = dataclasses.replace(new, promise=points[i].promise)
                     damping[i] = max(0.1 * damping[i], 1e-9)
                     least = limits.tolerance * max(1.0, 1e-3 * abs(new.value))
-                    active[i] = gain > (_OF_STATES if promises[i] < least else 1.0) * least
+                    arrived = len(new.free) > 0 and points[i].promise < least
+                    active[i] = gain > (_OF_STATES if arrived else 1.0) * least
                 elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):
                     active[i] = False
                 else:
@@ -113,14 +118,12 @@ def _stepped(
     prior: Prior,
     point: Point,
     damping: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, that step along the
-    tangents, which initial states follow, and what it should gain [nat] beyond what they gain alone."""
-    free, vector = point.free, point.vector.copy()
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The parameters after a damped Gauss-Newton step of the free ones within their bounds, and that step along the
+    tangents, which initial states follow."""
+    matrix, right = _quadratic(table, normal, weight, prior, point)
+    free, vector, n = point.free, point.vector.copy(), len(point.free)
     low, high = prior.bounds(table)
-    total = np.einsum("wc,wcij->ij", weight, normal.products)
-    n = len(free)
-    precision, gradient = prior.terms(table, free, vector, np.diag(total)[:n])
     at, least, most = vector[free], low[free], high[free]
     # A spring's motions are nearly linear in its compliance: `c = 1 / k`, `dk/dc = -k^2`.
     is_spring = np.array([table.entry(int(p)).info.reciprocal for p in free], bool)
@@ -129,13 +132,27 @@ def _stepped(
     slope, now = np.ones(n), at.copy()
     slope[is_spring], now[is_spring] = -(stiffness**2), 1.0 / stiffness
     least[is_spring], most[is_spring] = 1.0 / stiffest, 1.0 / softest
-    matrix, right = total[:n, :n] + precision, total[:n, n] + gradient
     step = bounded_step(matrix * np.outer(slope, slope), right * slope, least - now, most - now, damping)
     after = now + step
     after[is_spring] = 1.0 / after[is_spring]
     vector[free] = after
-    along = slope * step
-    return vector, along, -float(along @ (right + 0.5 * matrix @ along))
+    return vector, slope * step
+
+
+def _quadratic(
+    table: ParameterTable, normal: Normal, weight: NDArray[np.float64], prior: Prior, point: Point
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Matrix and gradient of the free parameters' quadratic."""
+    total, n = np.einsum("wc,wcij->ij", weight, normal.products), len(point.free)
+    precision, gradient = prior.terms(table, point.free, point.vector, np.diag(total)[:n])
+    return total[:n, :n] + precision, total[:n, n] + gradient
+
+
+def _promise(table: ParameterTable, normal: Normal, weight: NDArray[np.float64], prior: Prior, point: Point) -> float:
+    """What an undamped step of the free parameters should gain [nat], beyond what initial states gain alone."""
+    matrix, right = _quadratic(table, normal, weight, prior, point)
+    _, step = _stepped(table, normal, weight, prior, point, 0.0)
+    return -float(step @ (right + 0.5 * matrix @ step))
 
 
 def _kept_where_better(

@@ -1,6 +1,7 @@
 """What simulations leave of the measurements, from given parameters and initial states of windows."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -35,6 +36,9 @@ class Point:
     """What the parameters cost beforehand, see `prior`."""
     value: float
     """The criterion without a price."""
+    promise: float = math.inf
+    """What the step of the parameters that led here should have gained [nat], beyond what initial states gain alone:
+    next to nothing where they have arrived."""
 
     @property
     def start(self) -> Start:
