@@ -41,11 +41,8 @@ def recording_from(
         return make_reading(Path(name), table, declared, inputs_only, ignore if force else refuse).recording
     except InputError as error:
         # What the owner of a file writes beside it, and on the command line, are arguments here.
-        said = (
-            str(error)
-            .replace(f" in {name}.toml", " of the argument sidecar")
-            .replace("--force takes", "force=True takes")
-        )
+        beside = f" in {Path(name).with_suffix('.toml').name}"
+        said = str(error).replace(beside, " of the argument sidecar").replace("--force takes", "force=True takes")
         raise InputError(said) from None
 
 

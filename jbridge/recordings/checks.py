@@ -69,8 +69,10 @@ def from_its_start(column: Column, times: np.ndarray) -> Column:
     offset, step = column.sign * float(times[0]) / size + column.offset, abs(float(np.median(np.diff(times)))) / size
     if column.scale is not None:
         return replace(column, offset=offset)
+    if step == 0.0:
+        return replace(column, offset=offset)
     sizes = {**UNITS["t"], "count": 1e-9}
-    unit = min(sizes, key=lambda name: abs(np.log(max(step, 1e-300) * sizes[name] / USUAL)))
+    unit = min(sizes, key=lambda name: abs(np.log(step * sizes[name] / USUAL)))
     return replace(column, unit=unit, scale=sizes[unit] if unit == "count" else None, offset=offset)
 
 
@@ -111,8 +113,10 @@ def with_longer_unit(column: Column, step: float) -> Column | None:
         factors = (f for f in (1e3, 1e6) if FASTEST <= f * step <= SLOWEST)
         return next((replace(column, scale=column.scale * f) for f in factors), None)
     size = UNITS["t"][column.unit]
-    longer = (u for u, s in UNITS["t"].items() if s > size and FASTEST <= s / size * step <= SLOWEST)
-    return next((replace(column, unit=unit) for unit in longer), None)
+    steps = {unit: other / size * step for unit, other in UNITS["t"].items() if other > size}
+    longer = [unit for unit, each in steps.items() if FASTEST <= each <= SLOWEST]
+    unit = min(longer, key=lambda unit: abs(np.log(steps[unit] / USUAL)), default=None)
+    return None if unit is None else replace(column, unit=unit)
 
 
 def why_often(steps: np.ndarray, column: Column) -> str:

@@ -251,7 +251,7 @@ def make_reading(
             *parts.notes,
             *describe(channels, declared, resolution, holds),
             *lost_notes(times, lost),
-            *sensor_notes(samples, resolution, holds, parts.locked_length),
+            *sensor_notes(channels, samples, resolution, holds, parts.locked_length),
         ),
         earlier=Commands(
             read_only(before["t"]),

@@ -32,7 +32,7 @@ def test_a_deflection_finds_its_springs_stiffness_in_one_step(wanted):
 
 
 def test_a_spring_and_a_damping_are_found_together():
-    """Two readings, each of the compliance and the damping: half of what they leave, squared, is promised and gained."""
+    """Two readings, each of the compliance and the damping; half of what they leave, squared, is promised."""
     plant = make_plant(BELT)
     table = ParameterTable(plant)
     vector = np.array(table.ravel(plant))

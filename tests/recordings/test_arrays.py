@@ -204,6 +204,6 @@ def test_leaps_are_noted(slip, count):
 def test_what_is_to_be_declared_is_an_argument():
     t = np.arange(200) * 0.01
     with pytest.raises(InputError, match=r"under \[locked\] of the argument sidecar"):
-        Recording.from_arrays(t=t, psi=0.1 * np.sin(4 * t))
+        Recording.from_arrays(name="monday.mat", t=t, psi=0.1 * np.sin(4 * t))
     with pytest.raises(InputError, match="force=True takes it as it is"):
         Recording.from_arrays(t=t, x=1000 * t, u_x=np.sin(t))

@@ -1,5 +1,6 @@
 """Sensors that stop dead, say nothing, or have their zero where nothing hangs."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +37,26 @@ def test_a_position_that_is_cut_off_stops_dead():
 
 
 @pytest.mark.parametrize("angle", [-0.2, 0.1, 0.4])
-def test_the_angle_at_which_the_load_hangs_is_told(angle):
-    [note] = notes(psi=TRUTH["psi"] + angle)
-    assert float(note.split()[4]) == pytest.approx(angle, rel=0.1)
+@pytest.mark.parametrize("column", ['unit = "rad"', 'unit = "deg", sign = -1, offset = 10'])
+def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, column):
+    name, sidecar = tmp_path / "run.csv", tmp_path / "run.toml"
+    read = TRUTH["psi"] + angle
+    raw = read if "rad" in column else 10.0 - np.rad2deg(read)
+    write(name, **TRUTH | {"psi": raw})
+    sidecar.write_text(f'[columns]\npsi = {{column = "psi", {column}}}\n')
+    [note] = [each for each in jbridge.load_recording(name).notes if "hangs at" in each]
+    sidecar.write_text("[columns]\n" + re.search(r"declare (psi = \{.*\})", note)[1] + "\n")
+    mended = jbridge.load_recording(name)
+    assert not any("hangs at" in each for each in mended.notes)
+    np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
+
+
+def test_a_pendulum_above_its_pivot_does_not_hang():
+    assert notes(psi=TRUTH["psi"] + 3.0) == []
+
+
+def write(path: Path, **columns: np.ndarray) -> None:
+    np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=",".join(columns), comments="")
 
 
 def test_an_angle_that_never_changes_beside_a_cart_that_moves_is_refused():

@@ -56,7 +56,7 @@ MENDED = {
     "t in ms": scaled(t=1e3),
     "t in us": scaled(t=1e6) | {"t": 1e6 * TRUTH["t"] / 100, "x": TRUTH["x"]},
     "t in ms, rows of 40 ms": {name: values[::4] for name, values in scaled(t=1e3).items()},
-    "t in days, as spreadsheets count": scaled() | {"t": 45000.0 + TRUTH["t"] / 86400.0},
+    "t in days, as spreadsheets count": scaled() | {"t": 45000.4321 + TRUTH["t"] / 86400.0},
     "psi in degrees": scaled(psi=180 / np.pi),
     "psi in milliradians": scaled(psi=1e3),
     "psi turned": scaled(psi=-1.0),
@@ -172,7 +172,11 @@ READ = {
     ),
     "a row of units": edited(lambda n: [n[0], ",".join(SI.values()), *n[1:]]),
     "comments above": edited(lambda n: ["# rig 3, in May", "% 100 Hz", *n]),
-    "comments after semicolons": edited(lambda n: ["; rig 3, in May", "; " + n[0], *n[1:]]),
+    "comments after semicolons": edited(lambda n: [";; rig 3; in May", "; " + n[0], *n[1:9], "; ok, fine", *n[9:]]),
+    "semicolons and row numbers": lambda: "\n".join(
+        [";" + table(TRUTH, ";").splitlines()[0]]
+        + [f"{k};{row}" for k, row in enumerate(table(TRUTH, ";").splitlines()[1:])]
+    ),
     "a comment between": edited(lambda n: [*n[:80], "# the button, twice", *n[80:]]),
     "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
     "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),

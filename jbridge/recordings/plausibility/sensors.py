@@ -1,6 +1,7 @@
 """What a sensor does that nothing on a rig does: it stops from one row to the next, or its zero is not at rest."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,8 +9,9 @@ from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.hold import Hold
-from jbridge.recordings.plausibility.motion import Samples, in_cells, swing_cells
+from jbridge.recordings.plausibility.motion import CERTAIN, STRETCH, Samples, in_cells, swing_cells
 from jbridge.recordings.plausibility.refusals import FORCE, place
+from jbridge.recordings.tables.columns import UNITS
 
 ROWS = 5
 """Rows of one value from which on a sensor stands still."""
@@ -21,6 +23,8 @@ COUNTS = 4.0
 """Way in these rows, over the sensor's count or what its noise takes for one, from which on it moved at all."""
 FAR = 0.05
 """Angle [rad] that no friction at a pivot holds, and acceleration of a cart over gravity that makes any load swing."""
+FARTHEST = 1.0
+"""Angle [rad] beyond which a sensor's zero is not near hanging."""
 CELL = 0.2
 """Time over which a cart's position is averaged for its acceleration [s]."""
 
@@ -31,8 +35,10 @@ def doubtful_silence(channels: Channels) -> Iterator[InputError]:
     if times is None or x is None or psi is None or np.ptp(psi) > 0:
         return
     cells = in_cells(CELL, times, {"x": (times, x)}, {})
+    if cells is None or np.count_nonzero(cells.whole) < STRETCH * CERTAIN**2:
+        return
     # A load hangs straight down below a cart of constant speed.
-    if cells is not None and np.std(cells.acceleration("x")[cells.whole]) > FAR * GRAVITY:
+    if np.std(cells.acceleration("x")[cells.whole]) > FAR * GRAVITY:
         name = cut(channels.columns["psi"].name)
         yield InputError(
             f"{channels.table.path}, column {name}: the angle never changes, though the cart moves by"
@@ -41,6 +47,7 @@ def doubtful_silence(channels: Channels) -> Iterator[InputError]:
 
 
 def sensor_notes(
+    channels: Channels,
     samples: Mapping[str, Samples],
     resolution: Mapping[str, float],
     holds: Mapping[str, Hold],
@@ -49,6 +56,7 @@ def sensor_notes(
     """Returns sentences on sensors that stop dead, and on an angle whose zero is not where the load hangs.
 
     Args:
+        channels: of the recording.
         samples: the fresh samples of each measured channel.
         resolution: size of each channel's count [m, rad].
         holds: of each channel; one that repeats its value says nothing here.
@@ -58,9 +66,9 @@ def sensor_notes(
     l = samples.get("l")
     length = locked_length if l is None else float(np.median(l[1]))
     for name, (times, values) in samples.items():
-        if holds[name].held or (name == "psi" and not length):
+        if holds[name].held or (name == "psi" and length is None):
             continue
-        limit, unit = (GRAVITY / float(length or 1.0), "rad") if name == "psi" else (GRAVITY, "m")
+        limit, unit = (GRAVITY / length, "rad") if name == "psi" and length is not None else (GRAVITY, "m")
         rows = dead_stops(times, values, resolution[name], limit)
         if rows.size:
             more = f", and {rows.size - 1} times more" if rows.size > 1 else ""
@@ -69,12 +77,15 @@ def sensor_notes(
                 f"{name} stops dead at {values[rows[0]]:.4g} {unit} at {times[rows[0]]:.6g} s{more}: the sensor's range"
                 f" ends there, or it hangs{other}; leave such stretches out ([trim], or delete their rows)."
             )
-    if "psi" in samples and length:
-        angle = hanging(samples["psi"], samples.get("x"), samples["psi"] if l is None else l, length)
-        if FAR < abs(angle) < 1.0:
+    if "psi" in samples and length is not None:
+        angle = hanging(samples["psi"], samples.get("x"), l, length)
+        if FAR < abs(angle) < FARTHEST:
+            column = channels.columns["psi"]
+            size = UNITS["psi"][column.unit] if column.scale is None else column.scale
+            zero = float(f"{column.offset + column.sign * angle / size:.3g}")
             notes.append(
-                f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare it as the offset"
-                f" of psi ({angle:.2g} rad, {np.rad2deg(angle):.2g} deg)."
+                f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
+                f" {replace(column, offset=zero).line('psi')} {place(channels)}."
             )
     return notes
 
@@ -95,7 +106,7 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     # What turns round at the limit stays within a count for a while, too.
     turning = np.sqrt(8 * count / limit)
     still = (ends - starts >= ROWS - 1) & (times[ends] - times[starts] > LONGER * turning)
-    first = starts[still & (starts > BEFORE)]
+    first = starts[still & (starts >= BEFORE)]
     if not first.size:
         return first
     way, took = np.abs(values[first] - values[first - BEFORE]), times[first] - times[first - BEFORE]
@@ -105,12 +116,20 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     return first[one_way & (way > COUNTS * count) & (way / took > fastest)]
 
 
-def hanging(psi: Samples, x: Samples | None, l: Samples, length: float) -> float:
-    """Returns the angle at which the load hangs in the mean [rad]: what its equation of motion leaves, over gravity."""
+def hanging(psi: Samples, x: Samples | None, l: Samples | None, length: float) -> float:
+    """Returns the angle at which the load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
+
+    0 where the recording is too short, and where the load is above its pivot.
+
+    Args:
+        psi: times [s] and values of the angle's samples.
+        x: of the cart's position, if there is a cart.
+        l: of the rope's length, if it is measured.
+        length: of the rope [m], in the mean.
+    """
     position = (psi[0], np.zeros(psi[0].size)) if x is None else x
-    rope = (psi[0], np.full(psi[0].size, length)) if l is psi else l
-    cells = swing_cells(psi[0], psi, position, rope)
-    if cells is None:
+    cells = swing_cells(psi[0], psi, position, (psi[0], np.full(psi[0].size, length)) if l is None else l)
+    if cells is None or np.mean(np.cos(psi[1])) <= 0:
         return 0.0
     turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
     force = turn + GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))

@@ -11,7 +11,7 @@ import numpy as np
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 ANGLES = {"rad": 1.0, "deg": pi / 180, "mrad": 1e-3}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "d": 86400.0}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "day": 86400.0}
 INPUT_UNITS = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "%": 1.0, "count": 1.0, "N": 1.0, "N m": 1.0}
 GAINS = {"u_x": "cart_gain", "u_l": "hoist_gain"}
 """The parameter that turns an input into a force."""
@@ -22,7 +22,7 @@ UNITS = {"t": TIMES, "u_x": INPUT_UNITS, "u_l": INPUT_UNITS, "x": LENGTHS, "psi"
 """Per channel: its units, each with its size in SI; the first is the one that an undeclared column has."""
 CHANNELS = tuple(UNITS)
 SPELLINGS = {
-    "seconds": "s", "sec": "s", "millis": "ms", "micros": "us", "days": "d", "volts": "V", "volt": "V", "v": "V",
+    "seconds": "s", "sec": "s", "millis": "ms", "micros": "us", "days": "day", "volts": "V", "volt": "V", "v": "V",
     "a": "A", "ma": "mA", "mv": "mV", "counts": "count", "metres": "m", "meters": "m", "degrees": "deg",
     "degree": "deg", "°": "deg", "radians": "rad", "percent": "%", "pwm": "count",
 }  # fmt: skip
@@ -98,8 +98,8 @@ class Column:
         """Returns the line under `[columns]` of a sidecar that declares it for a channel."""
         parts = [f"column = {json.dumps(self.name, ensure_ascii=False)}", f'unit = "{self.unit}"']
         parts += ["sign = -1"] if self.sign < 0 else []
-        # Six digits tell a reading, and not the hours since 1970.
-        digits = ".6g" if abs(self.offset) < 1e5 else ".16g"
+        # Six digits tell a reading, and no time of day.
+        digits = ".6g" if channel != "t" else ".16g"
         parts += [f"offset = {self.offset:{digits}}"] if self.offset else []
         parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
         parts += [f"radius = {self.radius:g}"] if self.radius is not None else []

@@ -12,8 +12,10 @@ from jbridge.recordings.tables.columns import SPELLINGS, UNITS
 
 STAMP = re.compile(r"\s*\d{1,2}:\d\d:\d\d(?:\.\d+)? -> ")
 """What a serial monitor that shows times puts before each line."""
-COMMENT = re.compile(r"\s*(?:[#%]|//|;[^;]*$)")
-"""Start of a line of comment, and of what a spreadsheet writes for an error in a formula; semicolons also separate."""
+COMMENT = re.compile(r"\s*(?:[#%]|//)")
+"""Start of a line of comment, and of what a spreadsheet writes for an error in a formula."""
+SEMICOLON = re.compile(r"\s*;")
+"""Start of a line of comment, too, where semicolons do not separate columns."""
 WITH_COMMA = re.compile(r"[\d:]+(?:,\d+)+(?:[eE][-+]?\d+)?")
 """A number, or a time of day, with decimal comma or separators of thousands."""
 THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
@@ -61,6 +63,10 @@ def drop_comments(lines: list[str]) -> tuple[str, ...]:
     """
     filled = filled_lines(lines)
     comments = [number for number in filled if COMMENT.match(lines[number])]
+    behind = [number for number in filled if SEMICOLON.match(lines[number])]
+    others = set(filled).difference(comments, behind)
+    if others and not any(";" in lines[number] for number in others):
+        comments = sorted([*comments, *behind])
     if not comments:
         return ()
     marked = set(comments)
@@ -69,13 +75,17 @@ def drop_comments(lines: list[str]) -> tuple[str, ...]:
     before = [number for number in comments if number < first]
     if before and rest and starts_with_number(lines[first]):
         first = before.pop()
-        lines[first] = re.sub(r"^\s*(?:[#%]+|//+|;)\s*", "", lines[first])
+        lines[first] = re.sub(r"^\s*(?:[#%]+|//+|;+)\s*", "", lines[first])
         rest.insert(0, first)
     if rest:
         separator = separator_of(lines[first], [lines[number] for number in rest[1:]])
         width = len(cells_of(lines[first], separator))
         below = [number for number in comments if number > first]
-        before += [number for number in below if width == 1 or len(cells_of(lines[number], separator)) != width]
+        before += [
+            number
+            for number in below
+            if number in behind or width == 1 or len(cells_of(lines[number], separator)) != width
+        ]
     for number in before:
         lines[number] = ""
     if not before:
