@@ -1,0 +1,38 @@
+"""How long trial fits go on: until it is decided which of them is the best."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from jbridge.diagnosis.selection.search import _Fit, _undecided
+
+NOW = SimpleNamespace(value=100.0, names=(("coulomb_friction", "hoist"),))
+CART, DRIVE, SWING = ("quadratic_drag", "cart"), ("input_delay", "cart_drive"), ("coulomb_friction", "swing")
+
+
+def fit(value: float, gained: float, *names: tuple[str, str], promise: float = 5.0) -> _Fit:
+    structure = SimpleNamespace(value=value, names=(*NOW.names, *names), point=SimpleNamespace(promise=promise))
+    return _Fit(structure, gained)
+
+
+@pytest.mark.parametrize(
+    ("fits", "go_on"),
+    [
+        ([], []),
+        # It is better, and nothing else on its axis is near.
+        ([fit(60.0, 30.0, CART)], []),
+        # It may become better than the model that it is compared with, or it may not.
+        ([fit(110.0, 30.0, CART)], [0]),
+        ([fit(110.0, 5.0, CART)], []),
+        ([fit(110.0, 30.0, CART, promise=0.01)], []),
+        # The second may overtake the first, which then goes on, too; the third may not, or has arrived.
+        ([fit(60.0, 9.0, CART), fit(65.0, 9.0, DRIVE), fit(75.0, 9.0, CART)], [0, 1]),
+        ([fit(60.0, 9.0, CART), fit(65.0, 9.0, DRIVE, promise=0.01)], []),
+        # Other axes are decided for themselves: effects on them are added together.
+        ([fit(60.0, 9.0, CART), fit(65.0, 9.0, SWING)], []),
+        # Models with an effect less are one group.
+        ([fit(98.0, 3.0), fit(99.0, 3.0), fit(120.0, 3.0)], [0, 1]),
+    ],
+)
+def test_a_fit_goes_on_while_it_may_still_be_the_best_on_its_axis(fits, go_on):
+    assert sorted(_undecided(NOW, fits)) == go_on
