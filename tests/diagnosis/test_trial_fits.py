@@ -5,14 +5,24 @@ from types import SimpleNamespace
 import pytest
 
 from jbridge.diagnosis.selection.search import _Fit, _undecided
+from jbridge.diagnosis.structures.structure import Structure
 
-NOW = SimpleNamespace(value=100.0, names=(("coulomb_friction", "hoist"),))
+GIVEN = ("coulomb_friction", "hoist")
 CART, DRIVE, SWING = ("quadratic_drag", "cart"), ("input_delay", "cart_drive"), ("coulomb_friction", "swing")
 
 
+def structure(value: float, names: tuple[tuple[str, str], ...], promise: float) -> Structure:
+    """A model as far as its rank goes, without simulations."""
+    made = object.__new__(Structure)
+    made.__dict__.update(names=names, price=0.0, point=SimpleNamespace(value=value, promise=promise))
+    return made
+
+
 def fit(value: float, gained: float, *names: tuple[str, str], promise: float = 5.0) -> _Fit:
-    structure = SimpleNamespace(value=value, names=(*NOW.names, *names), point=SimpleNamespace(promise=promise))
-    return _Fit(structure, gained)
+    return _Fit(structure(value, (GIVEN, *names), promise), gained)
+
+
+NOW = structure(100.0, (GIVEN,), 0.0)
 
 
 @pytest.mark.parametrize(
