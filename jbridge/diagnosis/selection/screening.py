@@ -18,9 +18,11 @@ from ..structures.space import Name, Space, is_apart, make_space
 from ..structures.structure import Structure, squares
 from .starting_points import promising
 
-_ROOM = 4
-"""Parameter columns that a call has beyond those of the model as given, at least, rounded up to a multiple of as many:
-most models need no more. Always the same, so that one program serves a whole search."""
+_COLUMNS, _MORE = 12, 16
+"""Parameter columns of a call, and for models that are given with many: most models need no more. Always the same, so
+that one program serves a whole search, and those of a rig many searches."""
+_ROOM = 3
+"""Columns that are left beyond the model as given."""
 _LINEAR = 4
 """Reweightings of a linear screen."""
 
@@ -41,7 +43,7 @@ def seen_among_all(problem: Problem, part: Problem, now: Structure) -> AmongAll:
     given = len(now.plant.effects) - len([n for n in now.names if n[0] != WRONG_VALUE])
     own = tuple(e for k, e in enumerate(now.plant.effects) if k < given or (e.kind, e.site) not in added)
     columns = len(now.free) - sum(len(now.places(name)) for name in now.names)
-    width = _ROOM * math.ceil(columns / _ROOM + 1)
+    width = _COLUMNS if columns + _ROOM <= _COLUMNS else _MORE
     space = make_space(problem, Plant(now.plant.bridge, own), now.known, width=width)
     places = np.array([space.table.positions(name)[0] for name in now.free], np.int64)
     [point] = part.evaluate(space.engine, [Start(space.with_values(now.plant), places, now.point.states)])
