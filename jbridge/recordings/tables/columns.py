@@ -98,8 +98,8 @@ class Column:
         """Returns the line under `[columns]` of a sidecar that declares it for a channel."""
         parts = [f"column = {json.dumps(self.name, ensure_ascii=False)}", f'unit = "{self.unit}"']
         parts += ["sign = -1"] if self.sign < 0 else []
-        # Six digits tell a reading, and no time of day.
-        digits = ".6g" if channel != "t" else ".16g"
+        # Six digits tell a reading, but neither a time of day nor the middle of a counter of many bits.
+        digits = ".6g" if channel != "t" and abs(self.offset) < 1e5 else ".16g"
         parts += [f"offset = {self.offset:{digits}}"] if self.offset else []
         parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
         parts += [f"radius = {self.radius:g}"] if self.radius is not None else []
