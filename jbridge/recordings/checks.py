@@ -67,9 +67,7 @@ def from_its_start(column: Column, times: np.ndarray) -> Column:
     """Returns the column of times [s] such that they begin at 0, in the unit whose steps are most like a log's."""
     size = UNITS["t"][column.unit] if column.scale is None else column.scale
     offset, step = column.sign * float(times[0]) / size + column.offset, abs(float(np.median(np.diff(times)))) / size
-    if column.scale is not None:
-        return replace(column, offset=offset)
-    if step == 0.0:
+    if column.scale is not None or step == 0.0:
         return replace(column, offset=offset)
     sizes = {**UNITS["t"], "count": 1e-9}
     unit = min(sizes, key=lambda name: abs(np.log(step * sizes[name] / USUAL)))
