@@ -29,6 +29,7 @@ def begun_nearest(plant, run, kind, site):
     return {key: start.vector[space.table.positions(seed.group(key))[0]] for key in seed.free}
 
 
+@pytest.mark.slow
 def test_a_step_of_a_sensor_is_looked_for_at_its_own_moment():
     """Its time has a tangent within one sample alone, and places to start are tenths of a second apart."""
     lost = {"jump": 0.001, "time": 1.2337}

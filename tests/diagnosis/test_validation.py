@@ -159,6 +159,7 @@ def checked():
     return validate(problem, base, weighed(problem, found), sealed, lambda text: None)
 
 
+@pytest.mark.slow
 def test_what_gains_on_its_own_recordings_alone_is_no_part_of_the_model(checked):
     assert {c.name: c.status for c in checked.checked} == {
         ("coulomb_friction", "cart"): "confirmed",

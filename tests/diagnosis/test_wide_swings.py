@@ -50,6 +50,7 @@ def diagnosed(**missing):
     return diagnose(MODEL, runs, [swing("proof-1.csv", 1.85, 8, **missing), swing("proof-2.csv", 0.2, 9, **missing)])
 
 
+@pytest.mark.slow
 def test_wide_swings_ask_for_steps_of_order_4():
     runs = [swing(f"run-{i}.csv", start, i, count=4400) for i, start in enumerate([2.0, 1.9])]
     setting = make_setting(MODEL, runs, [])

@@ -152,7 +152,7 @@ def test_smooth_inference_tends_to_the_hard_one():
         assert errors[2] <= 0.2 * errors[0] + 1e-6, seed
 
 
-@pytest.mark.parametrize("softness", [None, 0.05])
+@pytest.mark.parametrize("softness", [pytest.param(None, marks=pytest.mark.slow), 0.05])
 def test_every_gradient_is_finite(softness):
     """Also on corners, at ties, for flanks of no width and where no rule fires."""
     grads = jax.jit(jax.grad(lambda s, v: s.infer(v, softness=softness).output[0], argnums=(0, 1), allow_int=True))

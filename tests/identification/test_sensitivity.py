@@ -163,6 +163,7 @@ def test_tangents_against_central_differences(horizon):
         assert np.abs(theirs[column][:end] - wanted).max() <= 2 * tolerance, column
 
 
+@pytest.mark.slow
 def test_what_is_absent_may_stand_in_the_program():
     problem, own, start, _ = problem_of(DRY, (0.3,))
     wide = make_plant(
@@ -205,6 +206,7 @@ def of_two_horizons():
     return problem, engine_for(problem.setting, problem.data, DRY, width=4), start
 
 
+@pytest.mark.slow
 def test_long_recordings_are_taken_one_by_one(monkeypatch):
     """All of its columns, before those of the next: other calls, the same tangents, in memory for one recording."""
     problem, engine, start = of_two_horizons()

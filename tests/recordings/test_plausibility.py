@@ -24,6 +24,7 @@ MODES = {
     "a speed loop": lambda w: w["gain"] * (w["place"] - w["v"]),
     "sums of sines": lambda w: 3.0 * np.sin(w["pace"] * w["t"]) * np.cos(0.3 * w["pace"] * w["t"] + w["hold"]),
 }
+QUICK = {"steps", "a speed loop", "a motor that is off"}
 
 
 def worlds(mode: str) -> dict[str, np.ndarray]:
@@ -61,7 +62,9 @@ def worlds(mode: str) -> dict[str, np.ndarray]:
     return {"t": np.arange(ROWS) * PERIOD, "u": u, "l": length * draw(0.6, 1.6), **seen}
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    "mode", [pytest.param(mode, marks=[] if mode in QUICK else [pytest.mark.slow]) for mode in MODES]
+)
 def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
     seen = worlds(mode)
     t, found = seen["t"], np.zeros(5)

@@ -38,6 +38,7 @@ def rigs(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_every_folder_has_a_report_and_a_row(rigs, monkeypatch, capsys):
     given = []
 

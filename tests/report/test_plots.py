@@ -29,7 +29,7 @@ def figures(monkeypatch):
     return saved
 
 
-@pytest.mark.parametrize("case", ["missing_physics", "adequate", "cart_alone"])
+@pytest.mark.parametrize("case", ["missing_physics", pytest.param("adequate", marks=pytest.mark.slow), "cart_alone"])
 def test_every_axis_has_quantity_and_unit(case, figures):
     gallery = diagnosis_gallery(getattr(cases, case)())
     assert len(figures) == len(gallery.all())

@@ -174,6 +174,7 @@ def test_forgetting_on_the_way_changes_no_gradient():
     assert kept == pytest.approx(forgotten, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_the_callers_choice():
     """Every fifth sample is a part of all of them, and a summary sees each of them once."""
     plant, law, reference = make_plant(), Proportional(8.0, -0.468), resting(53, x=0.6)

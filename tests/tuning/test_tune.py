@@ -274,6 +274,7 @@ def tuned():
         return tune(MODEL, given, plants=3, held_out=2, steps=12, starts=1, legs=SHORT, seed=2)
 
 
+@pytest.mark.slow
 def test_tuning_makes_a_law_better():
     found = tuned()
     before, after = found.costs["train"]
