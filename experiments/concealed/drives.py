@@ -103,12 +103,13 @@ class Drive:
         self.delay = sum(e["delay"] for e in effects if e["kind"] == "input_delay")
         order = list(STAGES)
         rest = sorted(
-            (e for e in effects if e["kind"] not in ("input_delay", "force_limit")),
+            (e for e in effects if e["kind"] not in ("input_delay", "force_limit", "freewheeling")),
             key=lambda e: order.index(e["kind"]),
         )
         self.stages = [STAGES[e["kind"]](e, at, dt) for e in rest]
         loops = [e for e in effects if e["kind"] == "speed_drive"]
         self.loop = sum(e.get("share", 1.0) * damping for e in loops)
+        self.coasts = [(e["damping"], e["width"]) for e in effects if e["kind"] == "freewheeling"]
         self.before = 0.0
         """Velocity of the joint one step earlier."""
         self.limit = min((e["limit"] for e in effects if e["kind"] in ("speed_drive", "force_limit")), default=math.inf)
@@ -125,6 +126,8 @@ class Drive:
         # The engine's damping, of the mean velocity over the step, goes on at the limit, where the loop's part of it is
         # none: given back.
         rate = v[self.joint]
-        taken = self.loop * (1.5 * rate - 0.5 * self.before)
+        mean = 1.5 * rate - 0.5 * self.before
+        taken = self.loop * mean
         self.before = rate
-        return min(max(self.gain * u - taken, -self.limit), self.limit) + taken
+        braking = sum(felt * min(abs(u) / width, 1.0) for felt, width in self.coasts) * mean
+        return min(max(self.gain * u - braking - taken, -self.limit), self.limit) + taken

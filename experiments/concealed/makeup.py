@@ -260,12 +260,14 @@ LAWS = (
 )  # fmt: skip
 """What recordings of real rigs asked for; no part above has any of it."""
 STARTS = ("start_delay cart_drive", "start_delay hoist_drive")
+COASTS = ("freewheeling cart_drive", "freewheeling hoist_drive")
 """Laws that came after these."""
-HALVES["law-sizes"] = [f"full {name}" for name in (*LAWS, *STARTS)]
+HALVES["law-sizes"] = [f"full {name}" for name in (*LAWS, *STARTS, *COASTS)]
 """Only to size them."""
 for half, names, errors in (
     ("laws", LAWS, (5, 20, 60, 20, 40, 100)),
     ("starts", STARTS, (50, 200, 800, 100, 300, 1000)),
+    ("coasts", COASTS, (5, 20, 60, 20, 40, 100)),
 ):
     HALVES[half] = [
         f"full {name} at {error}{rest}"

@@ -28,7 +28,7 @@ from .effects.base import (
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
-from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
+from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, Freewheeling, SpeedDrive, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, HoistBacklash, RopeElasticity
 from .effects.sensors import ClockScale
 from .speed_loop import Loop
@@ -165,6 +165,8 @@ class Plant(eqx.Module):
             for induced in self.all(BackEmf, site):
                 u = self.after(functools.partial(_less, induced, speed), u, induced)
             force = gain * u
+            for drive in self.all(Freewheeling, site):
+                force = self.after(functools.partial(drive.braked, u, speed), force, drive)
             for ripple in self.all(TorqueRipple, site):
 
                 def rippled(force: Scalar, effect: TorqueRipple = ripple, place: Scalar = place) -> Scalar:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .effects.base import DRIVE_OF_AXIS
-from .effects.drives import BackEmf
+from .effects.drives import BackEmf, Freewheeling
 from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
@@ -91,6 +91,8 @@ def _fading(plant: Plant, damped: Sequence[str]) -> dict[str, float]:
         rate = left * damping
         for induced in plant.all(BackEmf, DRIVE_OF_AXIS[axis]):
             rate = rate + gain * induced.constant
+        for drive in plant.all(Freewheeling, DRIVE_OF_AXIS[axis]):
+            rate = rate + drive.damping
         found[axis] = _most(np.asarray(rate / masses[axis]))
     return found
 

@@ -244,6 +244,36 @@ class BackEmf(AbstractEffect):
         return [Seed({}, ("constant",))]
 
 
+class Freewheeling(AbstractEffect):
+    """Force `K u - damping v min(|u| / width, 1)`: a motor that an open circuit lets coast where no input drives it.
+
+    A bridge of transistors whose enable line is pulsed opens the motor's circuit between pulses and at zero input, so
+    that the motor brakes itself while it is driven and runs on freely when it is not; the axis' viscous damping is what
+    is felt in either case. Up to `width`, pulses are too short for the current to flow from one to the next, and the
+    braking grows with them. At `damping = 0` it is absent and has a gradient. (Data sheet of the L298 dual full-bridge
+    driver, STMicroelectronics, 2000, figure 6: a low enable line is a free running stop, equal inputs are a fast one.)
+    """
+
+    kind: ClassVar[str] = "freewheeling"
+    sites: ClassVar[tuple[str, ...]] = _DRIVES
+    sentence: ClassVar[str] = "a {axis} that coasts where its input is zero, and slows itself down only while it drives"
+    damping: Scalar = parameter("N s/m", "damping that is felt only while an input drives the motor", low=0.0)
+    width: Scalar = parameter("{input}", "input from which all of it is felt", null=1e-3, low=1e-9)
+    site: str = eqx.field(static=True)
+
+    def braked(self, u: Scalar, v: Scalar, force: Scalar) -> Scalar:
+        """Force [N] at an input [input unit] and a speed of the motor [m/s], from the force without it."""
+        return force - self.damping * v * jnp.minimum(jnp.abs(u) / self.width, 1.0)
+
+    @classmethod
+    def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        largest = _largest_input(site, scene)
+        return [
+            Seed({"damping": 0.0, "width": share * largest}, ("damping", "width"), linear=("damping",))
+            for share in (0.05, 1.0)
+        ]
+
+
 class SpeedDrive(AbstractEffect):
     """Speed loop: force `clip(K s - share R v, -limit, limit)`, with the setpoint `time_constant s' = u - s`.
 
