@@ -17,8 +17,7 @@ class Criteria:
     """Standard errors over blocks by which the hold-out must be worse without an effect for it to be confirmed."""
     sure: float = 1.0
     """Standard errors by which a larger model must gain on blocks that are left out: within one of them the smaller
-    model stays. Half of it adds effects that imitate what has no name, twice of it misses such as act in few blocks.
-    An effect without which the hold-out is better by as many is no part of the final model."""
+    model stays. Half of it adds effects that imitate what has no name, twice of it misses such as act in few blocks."""
     block: float = 3.0
     """Shortest block of a recording [s] for standard errors, where there are fewer than six recordings."""
     refitted: int = 9

@@ -1,12 +1,13 @@
 """What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
-the unit of the criterion, is tested over blocks. An effect without which the hold-out is met worse is confirmed if, in
-the channel in which it matters most, it takes more off the square of the typical error than is left without a name:
-that, too, is a force that hold-outs repeat, and whatever effect is most like it imitates a part of it. The error is
-that of most windows, as the criterion counts it, since one that no model meets says nothing of the others. Errors of
-channels are not added up: what one of them cannot explain says nothing of another, and their noise, which a fine
-encoder makes as small as one likes, is no common unit.
+the unit of the criterion, is tested over blocks. What is not confirmed goes, the least first, and the others are judged
+once more: of two effects of which either would do, neither is missed beside the other. An effect without which the
+hold-out is met worse is confirmed if, in one of the channels that lose by that, it takes more off the square of the
+typical error than is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most like
+it imitates a part of it. The error is that of most windows, as the criterion counts it, since one that no model meets
+says nothing of the others. Errors of channels are not added up: what one of them cannot explain says nothing of
+another, and their noise, which a fine encoder makes as small as one likes, is no common unit.
 """
 
 import dataclasses
@@ -145,42 +146,43 @@ def validate(
             scatter=scatters,
             apart=_apart(problem, holdout, given, tell, deadline),
         )
-    every, dropped = final, list[Name]()
+    every, left_out = final, list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
-    criterion = likelihood(complete.data, complete.windows, complete.left)
+    beside, criterion = complete, likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
-    checked: list[Checked] = []
-    # What the hold-out speaks against is no part of the model, the worst first.
-    while final.names:
-        without = {}
-        for name in final.names:
+    judged: dict[Name, Checked] = {}
+    in_doubt = list(every.names)
+    # Of two effects of which either would do, neither is missed: what matters least goes, and the others are judged
+    # without it.
+    while in_doubt:
+        runs = {}
+        for name in in_doubt:
             tell(f"leaving out {name[0]} ({name[1]})")
-            reduced = refitted(problem, every, base, [*dropped, name])
-            run = judge.evaluate(reduced.plant, reduced.engine)
-            loss = _by_block(criterion, run, blocks) - _by_block(criterion, complete, blocks)
-            excited = criterion.expected(complete.square, prediction_gap(complete.data, complete.left, run.left))
+            reduced = refitted(problem, every, base, [*left_out, name])
+            runs[name] = run = judge.evaluate(reduced.plant, reduced.engine)
+            loss = _by_block(criterion, run, blocks) - _by_block(criterion, beside, blocks)
+            excited = criterion.expected(beside.square, prediction_gap(beside.data, beside.left, run.left))
             expected = _summed(excited, blocks).sum(axis=1)
-            without[name] = _checked(name, loss, expected, before, complete, run), reduced, run
-        refuted = [w for w in without.values() if w[0].status == "event" or w[0].steady < -CRITERIA.sure]
-        if not refuted:
+            judged[name] = _checked(name, loss, expected, before, beside, run)
+        in_doubt = [name for name in in_doubt if judged[name].status != "confirmed"]
+        if not in_doubt or time.monotonic() > deadline:
             break
-        worst, reduced, run = min(refuted, key=lambda found: found[0].steady)
-        checked.append(worst)
-        dropped.append(worst.name)
-        final, complete = reduced, run
-        if time.monotonic() > deadline:
-            break
-    checked += [without[name][0] for name in final.names]
-    if dropped:
-        final = refitted(problem, every, base, dropped, own=True) if final.names else given
+        least = min(in_doubt, key=lambda name: judged[name].steady)
+        in_doubt.remove(least)
+        left_out.append(least)
+        beside = runs[least]
+    # What the hold-out is met better without is no part of the model.
+    refuted = [n for n, c in judged.items() if c.status == "event" or c.steady < 0.0]
+    if refuted:
+        final = refitted(problem, every, base, refuted, own=True) if len(refuted) < len(every.names) else given
         complete = judge.evaluate(final.plant, final.engine) if final.names else before
-    doubtful = [c.name for c in checked if c.status == "suggested" and c.name in final.names]
-    sure = complete if not doubtful else before
-    if doubtful and len(doubtful) < len(final.names):
-        reduced = refitted(problem, final, base, doubtful)
+    doubtful = [name for name, c in judged.items() if c.status != "confirmed"]
+    sure = before if len(doubtful) == len(judged) else beside
+    if sure is beside and in_doubt:
+        reduced = refitted(problem, every, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
     return Validation(
-        checked=tuple(sorted(checked, key=lambda c: -(c.explained or 0.0))),
+        checked=tuple(sorted(judged.values(), key=lambda c: -(c.explained or 0.0))),
         given=given,
         final=final,
         before=before,
@@ -277,10 +279,14 @@ def _checked(
     """
     steady = steadiness(loss.sum(axis=1), expected)
     own, (horizon, axes) = _explained(before, complete, run), _shown(before)
-    # It is judged where it matters most. A channel that hardly exceeds the noise has nothing that it might imitate.
-    axis = AXES[int(loss.sum(axis=0).argmax())]
-    left, without = (each.typical_excess(horizon)[axis] for each in (complete, run)) if axis in axes else (0.0, 0.0)
-    nameless = axis in axes and without - left <= left
+    # A channel that hardly exceeds the noise has nothing that it might imitate; in one of the others it must take off
+    # more than is left.
+    channel = loss.sum(axis=0)
+    left, without = (each.typical_excess(horizon) for each in (complete, run))
+    own_axis = AXES[int(channel.argmax())]
+    nameless = own_axis in axes and all(
+        without[axis] - left[axis] <= left[axis] for axis in axes if channel[AXES.index(axis)] > 0.0
+    )
     explained = float(np.mean(list(own.values()))) if own else None
     if steady > CRITERIA.confirmed and not nameless:
         return Checked(name, "confirmed", explained, steady)
