@@ -64,17 +64,18 @@ def round_of(search: Search, name: Name) -> list[tuple[Name, Structure]] | None:
     final model has other effects, was in theirs, unless the catalogue says that some recordings cannot tell the two
     apart.
     """
-    final = set(search.held[-1].names) - {name}
-    taken = {axis_of(other) for other in final} - {axis_of(name)}
+    final, setting = set(search.held[-1].names) - {name}, search.problem.setting
+    axis = axis_of(setting, name)
+    taken = {axis_of(setting, other) for other in final} - {axis}
     for before, tried, after in zip(search.held, search.tried, search.held[1:], strict=False):
-        placed = {n for n in after.names if n not in before.names and axis_of(n) == axis_of(name)}
+        placed = {n for n in after.names if n not in before.names and axis_of(setting, n) == axis}
         members = []
         for structure in tried:
             added = set(structure.names) - set(before.names)
             if not (placed & final <= added and len(added - final) == 1 and len(structure.blocks)):
                 continue
             [new] = added - final
-            if added - {new} == placed & final and (axis_of(new) not in taken or _declared(name, new)):
+            if added - {new} == placed & final and (axis_of(setting, new) not in taken or _declared(name, new)):
                 members.append((new, structure))
         own = [member for member in members if member[0] == name]
         if own and placed - final:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..errors import InputError
-from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, SITES, SWING, Scene
+from ..model.effects.base import AXIS_OF_SITE, CART, HOIST, L_SENSOR, SITES, SWING, Scene
 from ..model.effects.friction import CoulombFriction
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
@@ -58,6 +58,12 @@ class Setting:
     """Mean rope length of the recordings [m]."""
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Masses of the bridge as they were given [kg]."""
+
+    def axis_of(self, site: str) -> str:
+        """The axis on which an effect at a site acts: the swing feels the length of a rope that is locked."""
+        locked = site == L_SENSOR and AXIS_OF_SITE[site] not in self.axes
+        return AXIS_OF_SITE[SWING if locked else site]
+
     fine: bool = False
     """Whether swings are so wide that steps must be of order 4."""
 
@@ -283,7 +289,7 @@ def free_places(table: ParameterTable, known: frozenset[str], setting: Setting) 
         else:
             site = _site_of(entry)
             # A locked rope's length sensor still tells the length.
-            if AXIS_OF_SITE[site] not in setting.axes and site != "l_sensor":
+            if AXIS_OF_SITE[site] not in setting.axes and site != L_SENSOR:
                 continue
         places.append(place)
     return np.array(places, np.int64)

@@ -9,7 +9,8 @@ from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import Structure
 from jbridge.diagnosis.validation.refits import exchanged, of_its_own
 from jbridge.diagnosis.validation.validate import Checked
-from jbridge.identification.estimation import start_of
+from jbridge.identification.estimation import Problem, start_of
+from jbridge.identification.setting import Setting
 from tests.diagnosis.test_moves import KNOWN, make_case
 from tests.problems import MECHANISMS, NUMBERS, example, make_plant
 
@@ -30,6 +31,10 @@ def model(*names):
     return only(Structure, names=names, blocks=np.zeros(3))
 
 
+def searched(held, tried, axes=("x", "psi", "l")):
+    return only(Search, held=held, tried=tried, problem=only(Problem, setting=only(Setting, axes=axes)))
+
+
 def members(search, name):
     found = round_of(search, name)
     return None if found is None else [name for name, _ in found]
@@ -38,7 +43,7 @@ def members(search, name):
 def test_those_that_were_tried_when_it_was_added():
     held = (model(), model(DRY), model(DRY, PIVOT))
     tried = ((model(SPRING), model(DRY), model(DRAG)), (model(DRY, PIVOT), model(DRY, SPRING)), ())
-    search = only(Search, held=held, tried=tried)
+    search = searched(held, tried)
     # Drag acts where the final model has another effect.
     assert members(search, DRY) == [DRY, SPRING]
     assert members(search, ("wind", "swing")) is None
@@ -52,7 +57,7 @@ def test_one_that_took_the_place_of_another_was_tried_where_that_was_added():
         (model(PIVOT, STRIBECK),),
         (),
     )
-    search = only(Search, held=held, tried=tried)
+    search = searched(held, tried)
     assert members(search, STRIBECK) == [STRIBECK, DRY, SPRING]
     assert members(search, PIVOT) == [PIVOT]
 
@@ -60,15 +65,23 @@ def test_one_that_took_the_place_of_another_was_tried_where_that_was_added():
 def test_what_the_catalogue_calls_alike_may_act_on_another_axis():
     offset, clock = ("sensor_offset", "l_sensor"), ("clock_scale", "clock")
     held = (model(), model(offset), model(offset, PIVOT))
-    search = only(Search, held=held, tried=((model(offset), model(clock), model(DRAG)), (model(offset, PIVOT),), ()))
+    search = searched(held, ((model(offset), model(clock), model(DRAG)), (model(offset, PIVOT),), ()))
     assert members(search, offset) == [offset, clock]
+
+
+@pytest.mark.parametrize(("axes", "rivals"), [(("x", "psi"), [("load_drag", "swing")]), (("x", "psi", "l"), [])])
+def test_the_length_of_a_locked_rope_is_one_with_what_acts_on_the_swing(axes, rivals):
+    offset = ("sensor_offset", "l_sensor")
+    held = (model(), model(offset), model(offset, PIVOT))
+    search = searched(held, ((model(offset), model(DRAG)), (model(offset, PIVOT),), ()), axes)
+    assert members(search, offset) == [offset, *rivals]
 
 
 def test_one_of_a_pair_was_tried_beside_the_other():
     held = (model(), model(PIVOT, DRAG))
     singles = (model(PIVOT), model(DRAG), model(("sensor_scale", "l_sensor")))
     pairs = (model(PIVOT, DRAG), model(("power_law_damping", "swing"), DRAG), model(PIVOT, ("wind", "swing")))
-    search = only(Search, held=held, tried=((*singles, *pairs), ()))
+    search = searched(held, ((*singles, *pairs), ()))
     assert members(search, PIVOT) == [PIVOT, ("power_law_damping", "swing")]
     assert members(search, DRAG) == [DRAG, ("wind", "swing")]
 

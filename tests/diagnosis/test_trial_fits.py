@@ -6,6 +6,7 @@ import pytest
 
 from jbridge.diagnosis.selection.search import _Fit, _undecided
 from jbridge.diagnosis.structures.structure import Structure
+from jbridge.identification.setting import Setting
 
 GIVEN = ("coulomb_friction", "hoist")
 CART, DRIVE, SWING = ("quadratic_drag", "cart"), ("input_delay", "cart_drive"), ("coulomb_friction", "swing")
@@ -22,6 +23,8 @@ def fit(value: float, gained: float, *names: tuple[str, str], promise: float = 5
     return _Fit(structure(value, (GIVEN, *names), promise), gained)
 
 
+SETTING = object.__new__(Setting)
+object.__setattr__(SETTING, "axes", ("x", "psi", "l"))
 NOW = structure(100.0, (GIVEN,), 0.0)
 
 
@@ -45,4 +48,4 @@ NOW = structure(100.0, (GIVEN,), 0.0)
     ],
 )
 def test_a_fit_goes_on_while_it_may_still_be_the_best_on_its_axis(fits, go_on):
-    assert sorted(_undecided(NOW, fits)) == go_on
+    assert sorted(_undecided(SETTING, NOW, fits)) == go_on

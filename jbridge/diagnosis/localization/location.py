@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.result import Trace
-from ...model.effects.base import AXIS_OF_SITE
 from ..result import Location, MissingForce, NamedEffect
 from ..selection.search import Search
 from ..structures.candidates import SITE_OF_NUMBER
@@ -28,7 +27,7 @@ def location(search: Search, effects: Sequence[NamedEffect], traces: Sequence[Tr
     at = next(iter(sites), None)
     if effects:
         at = SITE_OF_NUMBER.get(effects[0].site, effects[0].site)
-    axis = AXIS_OF_SITE[at] if at is not None else None
+    axis = search.problem.setting.axis_of(at) if at is not None else None
     found = [] if axis is None else tracks(traces, axis)
     when = times_of(effects, [(t.recording, float(t.times[-1])) for t in traces]) or intervals(found)
     alone = [track for _, track in found]

@@ -87,10 +87,12 @@ def added(
     order = []
     for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
         gains, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
-        order.append(_Tried(candidate, point, (gains[0] - cost, gains[1] - cost)))
+        order.append(
+            _Tried(candidate, axis_of(problem.setting, candidate.name), point, (gains[0] - cost, gains[1] - cost))
+        )
     order.sort(key=lambda tried: -tried.promise)
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
-    first = {axis_of(tried.candidate.name): k for k, tried in reversed(list(enumerate(order)))}
+    first = {tried.axis: k for k, tried in reversed(list(enumerate(order)))}
     others = [k for k, tried in enumerate(order) if _may_win(order, tried)]
     kept = sorted(list(dict.fromkeys([*first.values(), *others]))[: CRITERIA.polished + len(first) - 1])
     # What a map costs is known once it is fitted: the simpler laws that it contains are fitted with it.
@@ -110,6 +112,8 @@ class _Tried(NamedTuple):
     """A proposal that was refitted."""
 
     candidate: Candidate
+    axis: str
+    """The axis on which it acts."""
     point: Point
     gains: tuple[float, float]
     """Beyond its price, in some windows and in short ones alone: where short ones gain, long ones follow when they are
@@ -118,10 +122,6 @@ class _Tried(NamedTuple):
     @property
     def promise(self) -> float:
         return max(self.gains)
-
-    @property
-    def axis(self) -> str:
-        return axis_of(self.candidate.name)
 
 
 def _may_win(every: Sequence[_Tried], tried: _Tried) -> bool:

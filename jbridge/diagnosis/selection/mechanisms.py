@@ -107,7 +107,7 @@ def with_mechanisms(
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     moves = []
     for axis in AXES:
-        on_axis = [t for t in found if axis_of(t[2].name) == axis]
+        on_axis = [t for t in found if axis_of(problem.setting, t[2].name) == axis]
         if not on_axis:
             continue
         _, own, candidate, points = max(on_axis, key=lambda t: t[0])

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.estimation import Problem
-from ...identification.setting import PART_OF
+from ...identification.setting import PART_OF, Setting
 from ...identification.solver import Point, Start
 from ...model.bridge import Bridge
-from ...model.effects.base import AXIS_OF_SITE, AbstractEffect, Contained
+from ...model.effects.base import AbstractEffect, Contained
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.fields import parameters_of
 from ...model.plant import Plant
@@ -53,16 +53,16 @@ def better_of(problem: Problem, space: Space, one: Sequence[Start], other: Seque
     return [min(pair, key=lambda point: point.value).start for pair in pairs]
 
 
-def axis_of(name: Name) -> str:
+def axis_of(setting: Setting, name: Name) -> str:
     """The axis on which an effect acts."""
     kind, site = name
-    return AXIS_OF_SITE[SITE_OF_NUMBER[site] if kind == WRONG_VALUE else site]
+    return setting.axis_of(SITE_OF_NUMBER[site] if kind == WRONG_VALUE else site)
 
 
 def together(problem: Problem, now: Structure, first: Structure, other: Structure) -> Move:
     """A model with what two models add to a third on different axes."""
     new = [name for name in other.names if name not in now.names]
-    axis = axis_of(new[0])
+    axis = axis_of(problem.setting, new[0])
     own = {key: getattr(other.plant.bridge, key) for key, place in PART_OF.items() if place == axis}
     effects = [e for e in other.plant.effects if (e.kind, e.site) in new]
     plant = Plant(dataclasses.replace(first.plant.bridge, **own), (*first.plant.effects, *effects))
@@ -257,7 +257,8 @@ def refinements(problem: Problem, base: Structure, now: Structure, others: Seque
         [normal] = problem.normal(move.space.engine, [point])
         _, value = linear_optimum(problem, move.space, point, normal, range(len(point.free)))
         promise = now.point.value - value - unit * (len(point.free) - len(now.point.free))
-        rivals = [m.promise for m in others if axis_of(m.names[-1]) == axis_of(name)]
+        axis = axis_of(problem.setting, name)
+        rivals = [m.promise for m in others if axis_of(problem.setting, m.names[-1]) == axis]
         if promise > CRITERIA.worth * max([0.0, *rivals]):
             out.append(dataclasses.replace(move, promise=promise))
     return out

@@ -59,7 +59,7 @@ def paired(
     column = {p: k for k, p in enumerate(free)}
     screened = []
     for pair in itertools.combinations(first, 2):
-        if axis_of(pair[0]) != axis_of(pair[1]):
+        if axis_of(problem.setting, pair[0]) != axis_of(problem.setting, pair[1]):
             continue
         own = list(dict.fromkeys([*given, *places[pair[0]], *places[pair[1]]]))
         step, value = linear_optimum(part, space, point, normal, [column[p] for p in own])

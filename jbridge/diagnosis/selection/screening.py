@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...identification.estimation import Problem
 from ...identification.setting import axis_of_number
 from ...identification.solver import Normal, Point, Start, bounded_step, moved_states
-from ...model.effects.base import AXIS_OF_SITE, MAP_KNOTS
+from ...model.effects.base import MAP_KNOTS
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..structures.candidates import WRONG_VALUE, Candidate
@@ -83,7 +83,7 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
                 vector[table.positions(candidate.group("amplitude"))] = 1e-6
             if candidate.finite:
                 # It has a simulation of its own, so it is weighed by the numbers of its axis alone.
-                axis = AXIS_OF_SITE[candidate.site]
+                axis = problem.setting.axis_of(candidate.site)
                 free = [p for p in free if axis_of_number(table.entry(p)) == axis]
             free += [int(p) for p in linear_places(among.space, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), there.states))

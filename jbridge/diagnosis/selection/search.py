@@ -19,6 +19,7 @@ import numpy as np
 from ...compilation.programs import forget_if_large
 from ...identification.data.windows import WHOLE
 from ...identification.estimation import Problem
+from ...identification.setting import Setting
 from ...identification.solver import Start
 from ...model.plant import Plant
 from ..criteria import CRITERIA
@@ -102,7 +103,7 @@ def select(
             stopped = "budget"
         if better:
             best = min(better, key=lambda s: s.value)
-            runners_up |= _next_to(now, best, better)
+            runners_up |= _next_to(problem.setting, now, best, better)
             held.append(best)
             seen.add(frozenset(best.free))
         if not better or stopped == "budget":
@@ -115,13 +116,13 @@ def select(
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
-def _next_to(now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
+def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
     """The best model that adds another effect than the best one does on the same axis, by that effect."""
     if best.names[:-1] != now.names:
         return {}
     new = best.names[-1]
     others = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
-    others = [s for s in others if s.names[-1] != new and axis_of(s.names[-1]) == axis_of(new)]
+    others = [s for s in others if s.names[-1] != new and axis_of(setting, s.names[-1]) == axis_of(setting, new)]
     return {new: min(others, key=_value)} if others else {}
 
 
@@ -185,7 +186,7 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
     if good:
-        others = [s for s in good[1:] if _told_apart(now, s, found)]
+        others = [s for s in good[1:] if _told_apart(problem.setting, now, s, found)]
         best = _with_other_axes(problem, now, good[0], others, seen)
         if best is not good[0]:
             found.append(best)
@@ -199,16 +200,16 @@ def _larger(
     return found
 
 
-def _told_apart(now: Structure, then: Structure, tried: Sequence[Structure]) -> bool:
+def _told_apart(setting: Setting, now: Structure, then: Structure, tried: Sequence[Structure]) -> bool:
     """Whether no other addition on its axis comes near an added effect."""
-    near, own = math.log(1.0 / CRITERIA.apart), _new_axes(now, then)
-    rivals = [s.value for s in tried if s is not then and _new_axes(now, s) & own]
+    near, own = math.log(1.0 / CRITERIA.apart), _new_axes(setting, now, then)
+    rivals = [s.value for s in tried if s is not then and _new_axes(setting, now, s) & own]
     return bool(own) and min(rivals, default=math.inf) > then.value + near
 
 
-def _new_axes(now: Structure, then: Structure) -> frozenset[str]:
+def _new_axes(setting: Setting, now: Structure, then: Structure) -> frozenset[str]:
     """The axes on which a model has effects that another lacks."""
-    return frozenset(axis_of(name) for name in then.names if name not in now.names)
+    return frozenset(axis_of(setting, name) for name in then.names if name not in now.names)
 
 
 def _with_other_axes(
@@ -219,12 +220,13 @@ def _with_other_axes(
     seen: set[frozenset[str]],
 ) -> Structure:
     """The best model with what others add on other axes, one after the other, as long as it gains."""
-    taken = set(_new_axes(now, best))
+    taken = set(_new_axes(problem.setting, now, best))
     for other in others if taken else ():
         [new] = set(other.names) - set(now.names)
-        if axis_of(new) in taken:
+        axis = axis_of(problem.setting, new)
+        if axis in taken:
             continue
-        taken.add(axis_of(new))
+        taken.add(axis)
         move = together(problem, now, best, other)
         if move.numbers not in seen:
             joined = _all_fitted(problem, [move], best)
@@ -271,7 +273,7 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
         fits = [fit for fit in pool.map(begun, moves) if fit is not None]
         longer: set[int] = set()
         for _ in range(1, _STAGES):
-            on = _undecided(now, fits)
+            on = _undecided(problem.setting, now, fits)
             if time.monotonic() > problem.until:
                 break
             for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
@@ -290,10 +292,10 @@ class _Fit(NamedTuple):
     """What its last iterations gained."""
 
 
-def _undecided(now: Structure, fits: Sequence[_Fit]) -> list[int]:
+def _undecided(setting: Setting, now: Structure, fits: Sequence[_Fit]) -> list[int]:
     """The fits whose parameters still move, if one more gain like their last could change which is the best on its
     axes, or whether it is better than the model that all are compared with."""
-    axes = [_new_axes(now, fit.structure) for fit in fits]
+    axes = [_new_axes(setting, now, fit.structure) for fit in fits]
     out = []
     for own in dict.fromkeys(axes):
         group = [i for i, each in enumerate(axes) if each == own]
