@@ -20,7 +20,7 @@ from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
 MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827,
-          "hybrid": 48120659, "starts": 70351192, "coasts": 83106574}  # fmt: skip
+          "hybrid": 48120659, "starts": 70351192, "coasts": 83106574, "blind": 32438002}  # fmt: skip
 _SIZED = {"clutter": 60417254, "law-sizes": 30918828, "recorded": 48120660}
 """Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]

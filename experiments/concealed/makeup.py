@@ -1,4 +1,4 @@
-"""The make-up of the parts, `dev`, `rough`, `hybrid`, `laws`, `proof`, `wide` and `fresh`: one case a line.
+"""The make-up of the parts, `dev`, `rough`, `blind`, `hybrid`, `laws`, `proof`, `wide` and `fresh`: one case a line.
 
 Each line is the flavour of the rig (full bridge, rope locked, cart alone, pendulum on a fixed cart), what
 is concealed, and the loop if it is closed. `null` conceals nothing: only numbers are wrong. With `wander`,
@@ -247,6 +247,16 @@ HALVES["rough"] = [
     )
 ]
 """Like real rigs: what is concealed is large against the noise, and stands among what no law explains."""
+
+HALVES["blind"] = [
+    *(_singles((5, 10, 20))[3 * i + (i + 1) % 3] for i in range(0, 28, 2)),
+    *_several(24, 2)[3::6],
+    *_several(10, 3)[1::5],
+    *NULLS[::4],
+    *HALVES["rough"][::2],
+    "full freewheeling cart_drive at 40", "full freewheeling hoist_drive at 60 in clutter",
+]  # fmt: skip
+"""A sample of all of these, drawn anew: one version, which is tagged, runs it once."""
 
 HALVES["hybrid"] = [line.replace("in clutter", "in recorded forces") for line in HALVES["rough"][::2]]
 """The same, where the residual forces of real rigs act in place of the clutter."""
