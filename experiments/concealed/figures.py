@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import AGAIN, PRESENT, PROBABILITIES, SEVERITIES, cases, table, wilson, with_probability
+from tables import AGAIN, LISTED, PROBABILITIES, SEVERITIES, cases, table, wilson, with_probability
 
 plt.style.use("jbridge.report.figures.common")
 
@@ -157,8 +157,9 @@ def draw(folder: Path) -> None:
     beside = folder / "data" / "concealed-rivals.json"
     rivals = json.loads(beside.read_text()) if beside.exists() else None
     (folder / "concealed-table.md").write_text(table(halves, rivals))
-    present = folder / "data" / f"concealed-{PRESENT}.json"
-    if present.exists():
-        (folder / "concealed-cases.md").write_text(cases(json.loads(present.read_text())["rows"]))
+    for part, name in LISTED.items():
+        data = folder / "data" / f"concealed-{part}.json"
+        if data.exists() and (rows := json.loads(data.read_text())["rows"]):
+            (folder / f"concealed-{name}.md").write_text(cases(rows))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

@@ -133,6 +133,8 @@ def misses(rows: list[dict]) -> list[str]:
 FRESH = "; `fresh` came last, each case once"
 PRESENT = "present"
 """Name of the rows of today's version, of any part."""
+LISTED = {PRESENT: "cases", "blind": "blind"}
+"""What is listed case by case, and the name of its list."""
 AGAIN = "fresh-again"
 """Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
 RUN_AGAIN = f", and was run whole again when its misses were known (`{AGAIN}`)"
@@ -270,14 +272,17 @@ def cases(rows: list[dict]) -> str:
     known = [r for r in rows if r["true_verdict"] == "missing_physics"]
     seconds = [r["wall"] for r in rows]
     claims, right = sum(len(r["claimed"]) for r in rows), sum(r["claims_right"] for r in rows)
+    nulls = [r for r in rows if r["true_verdict"] == "adequate"]
+    alarms = [f"Of {len(nulls)} with nothing hidden, {sum(r['detected'] for r in nulls)} raise a false alarm."]
     lines = [
-        "# Cases of recent versions",
+        "# Case by case",
         "",
         f"{len(rows)} cases, {len(known)} of them with a hidden effect of the catalogue: the one named first is right",
         f"or a declared equivalent in {share(known, 'first_right')},",
         f"the confirmed set is exact in {share(known, 'set_right')},",
         f"the verdict is right in {share(rows, 'verdict_right')};",
         f"{right} of {claims} confirmed names are right or equivalent. Names in brackets were not confirmed.",
+        *(alarms if nulls else ()),
         f"Time: median {median(seconds):.0f} s, longest {max(seconds):.0f} s.",
         "Shares come with counts and 95 % Wilson intervals.",
         "",
