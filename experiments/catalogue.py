@@ -21,8 +21,8 @@ What a model file may hold in `[[effect]]` tables, and what a diagnosis can name
 are those at the first site; at the swing N becomes N m and m becomes rad. Parameters in brackets may be left out.
 Vectors end in `[]`.
 
-A drive composes in the order delay, saturation, dead zone, gain asymmetry and drift, drum radius, lag, back-EMF,
-ripple, gain, force limit.
+A drive composes in the order delay, saturation, dead zone, gain asymmetry and drift, drum radius, lag, back-EMF
+and freewheeling, ripple, gain, force limit.
 Beside a Coulomb friction of the same axis an added friction is written with its smallest level at 0, since levels add.
 
 | kind | sites | parameters | law |

@@ -54,7 +54,7 @@ EFFECTS: dict[str, dict[str, float]] = {
     "drum_radius_change@hoist_drive": {"slope": 0.2, "length": 0.4},
     "force_limit@hoist_drive": {"limit": 20.0},
     "back_emf@cart_drive": {"constant": 1.0},
-    "freewheeling@hoist_drive": {"damping": 2.0, "width": 0.2},
+    "freewheeling@hoist_drive": {"constant": 1.0, "width": 0.2},
     "torque_ripple@cart_drive": {"amplitude": 0.05, "period": 0.04, "phase": 1.0},
     "sensor_scale@x_sensor": {"scale": 1.0},
     "sensor_delay@psi_sensor": {"delay": 0.01},

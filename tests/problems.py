@@ -232,7 +232,7 @@ def example(kind: str, site: str) -> dict:
         "actuator_lag": {"time_constant": 0.04},
         "force_limit": {"limit": {"x": 20.0, "psi": 0.0, "l": 2.0}[axis]},
         "back_emf": {"constant": 0.7},
-        "freewheeling": {"damping": {"x": 9.0, "psi": 0.0, "l": 2.0}[axis], "width": 0.5},
+        "freewheeling": {"constant": 0.7, "width": 0.5},
         "gain_asymmetry": {"ratio": 0.1},
         "gain_drift": {"rate": -0.05},
         "drum_radius_change": {"slope": 0.2, "length": 0.65},

@@ -109,7 +109,7 @@ class Drive:
         self.stages = [STAGES[e["kind"]](e, at, dt) for e in rest]
         loops = [e for e in effects if e["kind"] == "speed_drive"]
         self.loop = sum(e.get("share", 1.0) * damping for e in loops)
-        self.coasts = [(e["damping"], e["width"]) for e in effects if e["kind"] == "freewheeling"]
+        self.coasts = [(e["constant"], e["width"]) for e in effects if e["kind"] == "freewheeling"]
         self.before = 0.0
         """Velocity of the joint one step earlier."""
         self.limit = min((e["limit"] for e in effects if e["kind"] in ("speed_drive", "force_limit")), default=math.inf)
@@ -129,5 +129,5 @@ class Drive:
         mean = 1.5 * rate - 0.5 * self.before
         taken = self.loop * mean
         self.before = rate
-        braking = sum(felt * min(abs(u) / width, 1.0) for felt, width in self.coasts) * mean
-        return min(max(self.gain * u - braking - taken, -self.limit), self.limit) + taken
+        induced = sum(constant * min(abs(u) / width, 1.0) for constant, width in self.coasts) * mean
+        return min(max(self.gain * (u - induced) - taken, -self.limit), self.limit) + taken

@@ -126,8 +126,8 @@ KINDS = {
         "amplitude": s * d.u(0.05, 0.1), "period": d.u(0.06, 0.12), "phase": d.u(-3.0, 3.0)},
     ("force_limit", "cart_drive"): lambda d, s: {"limit": d.u(32, 38)},
     ("force_limit", "hoist_drive"): lambda d, s: {"limit": d.u(9, 11)},
-    ("freewheeling", "cart_drive"): lambda d, s: {"damping": s * d.u(10, 20), "width": d.u(0.05, 0.3)},
-    ("freewheeling", "hoist_drive"): lambda d, s: {"damping": s * d.u(4, 8), "width": d.u(0.05, 0.3)},
+    ("freewheeling", "cart_drive"): lambda d, s: {"constant": s * d.u(0.6, 1.2), "width": d.u(0.05, 0.3)},
+    ("freewheeling", "hoist_drive"): lambda d, s: {"constant": s * d.u(1.6, 3.2), "width": d.u(0.05, 0.3)},
     ("speed_drive", "cart_drive"): lambda d, s: {
         "time_constant": d.u(0.02, 0.05), "limit": d.u(12, 20), "share": 1.0},
     ("speed_drive", "hoist_drive"): lambda d, s: {

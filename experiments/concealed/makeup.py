@@ -1,4 +1,4 @@
-"""The make-up of the parts, `dev`, `rough`, `blind`, `hybrid`, `laws`, `proof`, `wide` and `fresh`: one case a line.
+"""The make-up of the parts (`dev`, `rough`, `blind` and others): one case a line.
 
 Each line is the flavour of the rig (full bridge, rope locked, cart alone, pendulum on a fixed cart), what
 is concealed, and the loop if it is closed. `null` conceals nothing: only numbers are wrong. With `wander`,

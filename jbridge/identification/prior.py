@@ -28,14 +28,14 @@ class Prior:
 
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Those of the bridge as the model file has them [kg], by name."""
-    periods: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """The longest that recordings show to repeat [m, rad], by the parameter's name."""
+    largest: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """Periods [m, rad] and widths [input unit] above which recordings show no difference, by the parameter's name."""
 
     def bounds(self, table: ParameterTable) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper bounds of all parameters."""
         low, high = table.bounds()
-        for name in self.periods.keys() & set(table.names()):
-            high[table.positions(name)] = self.periods[name]
+        for name in self.largest.keys() & set(table.names()):
+            high[table.positions(name)] = self.largest[name]
         return low, high
 
     def cost(self, table: ParameterTable, vector: NDArray[np.float64]) -> float:

@@ -60,9 +60,8 @@ class Setting:
     """Masses of the bridge as they were given [kg]."""
 
     def axis_of(self, site: str) -> str:
-        """The axis on which an effect at a site acts: the swing feels the length of a rope that is locked."""
-        locked = site == L_SENSOR and AXIS_OF_SITE[site] not in self.axes
-        return AXIS_OF_SITE[SWING if locked else site]
+        """The axis on which an effect at a site acts."""
+        return _axis_of(site, self.axes)
 
     fine: bool = False
     """Whether swings are so wide that steps must be of order 4."""
@@ -246,7 +245,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     free, no force could be told from its absence.
     """
     table = ParameterTable(model.plant)
-    forces = {entry.group for entry in table.entries if entry.is_force and axis_of_number(entry) in axes}
+    forces = {entry.group for entry in table.entries if entry.is_force and axis_of_number(entry, axes) in axes}
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, ()
@@ -254,9 +253,15 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     return dataclasses.replace(model, known=model.known | {mass}), (told,)
 
 
-def axis_of_number(entry: Entry) -> str:
-    """The axis on which a number of a plant acts."""
-    return PART_OF[entry.key] if entry.owner < 0 else AXIS_OF_SITE[_site_of(entry)]
+def axis_of_number(entry: Entry, axes: Sequence[str]) -> str:
+    """The axis on which a number of a plant acts, where these axes move."""
+    return PART_OF[entry.key] if entry.owner < 0 else _axis_of(_site_of(entry), axes)
+
+
+def _axis_of(site: str, axes: Sequence[str]) -> str:
+    """The axis of a site, where these axes move: the swing feels the length of a rope that is locked."""
+    locked = site == L_SENSOR and AXIS_OF_SITE[site] not in axes
+    return AXIS_OF_SITE[SWING if locked else site]
 
 
 def _site_of(entry: Entry) -> str:

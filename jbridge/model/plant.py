@@ -28,7 +28,7 @@ from .effects.base import (
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
-from .effects.drives import LAGS, BackEmf, DrumRadiusChange, ForceLimit, Freewheeling, SpeedDrive, TorqueRipple
+from .effects.drives import LAGS, AbstractInduced, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, HoistBacklash, RopeElasticity
 from .effects.sensors import ClockScale
 from .speed_loop import Loop
@@ -162,11 +162,9 @@ class Plant(eqx.Module):
         for axis, gain in (("x", self.bridge.cart_gain), ("l", self.bridge.hoist_gain)):
             u, place, speed = getattr(volts, axis), getattr(places, axis), getattr(speeds, axis)
             site = DRIVE_OF_AXIS[axis]
-            for induced in self.all(BackEmf, site):
-                u = self.after(functools.partial(_less, induced, speed), u, induced)
+            for induced in self.all(AbstractInduced, site):
+                u = self.after(functools.partial(induced.less, getattr(volts, axis), speed), u, induced)
             force = gain * u
-            for drive in self.all(Freewheeling, site):
-                force = self.after(functools.partial(drive.braked, u, speed), force, drive)
             for ripple in self.all(TorqueRipple, site):
 
                 def rippled(force: Scalar, effect: TorqueRipple = ripple, place: Scalar = place) -> Scalar:
@@ -330,7 +328,3 @@ class Plant(eqx.Module):
                 limit = None if loop is None else loop.limit
                 found[axis] = Loop(force - rate * getattr(v, axis), gained, rate, limit)
         return found
-
-
-def _less(effect: BackEmf, speed: Scalar, u: Scalar) -> Scalar:
-    return effect.less(u, speed)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .effects.base import DRIVE_OF_AXIS
-from .effects.drives import BackEmf, Freewheeling
+from .effects.drives import AbstractInduced
 from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .plant import Plant
 
@@ -89,10 +89,8 @@ def _fading(plant: Plant, damped: Sequence[str]) -> dict[str, float]:
         # A speed loop is solved in closed form, unless something parts a drive from its axis.
         left = 0.0 if axis in damped else 1.0 - loop.share if loop is not None and whole else 1.0
         rate = left * damping
-        for induced in plant.all(BackEmf, DRIVE_OF_AXIS[axis]):
+        for induced in plant.all(AbstractInduced, DRIVE_OF_AXIS[axis]):
             rate = rate + gain * induced.constant
-        for drive in plant.all(Freewheeling, DRIVE_OF_AXIS[axis]):
-            rate = rate + drive.damping
         found[axis] = _most(np.asarray(rate / masses[axis]))
     return found
 

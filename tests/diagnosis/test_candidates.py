@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.structures.candidates import WRONG_VALUE, Candidate, candidates
-from jbridge.diagnosis.structures.space import is_apart, longest_periods
+from jbridge.diagnosis.structures.space import is_apart, largest_shown
 from jbridge.identification.setting import Setting, scene_of
 from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect
@@ -70,10 +70,12 @@ def test_what_the_model_has_is_no_candidate():
     assert ("coulomb_friction", "hoist") in names and ("dead_zone", "hoist_drive") in names
 
 
-def test_what_repeats_does_so_twice_in_what_was_recorded():
+def test_what_repeats_does_so_twice_in_what_was_recorded_and_no_width_is_beyond_the_inputs():
     """The cart goes from 0.5 + 0.2 sin(3.99) to 0.7 m."""
-    longest = longest_periods(found_for(setting_of(*FULL), make_plant()))
-    assert {name.split("@")[0] for name in longest} == {"sensor_eccentricity", "torque_ripple", "periodic_force"}
+    longest = largest_shown(found_for(setting_of(*FULL), make_plant()))
+    assert {name.split("@")[0] for name in longest} == {
+        "sensor_eccentricity", "torque_ripple", "periodic_force", "freewheeling"
+    }  # fmt: skip
     span = 0.2 - 0.2 * np.sin(TIMES[-1])
     for name in ("sensor_eccentricity@x_sensor", "torque_ripple@cart_drive", "periodic_force@cart"):
         assert longest[f"{name}.period"] == pytest.approx(0.5 * span, rel=1e-6)

@@ -54,7 +54,7 @@ def test_neighbours_in_a_map_are_tied():
 
 def test_a_period_is_no_longer_than_recordings_show_to_repeat():
     table = ParameterTable(make_plant(("periodic_force", "cart", example("periodic_force", "cart"))))
-    low, high = Prior(periods={"periodic_force@cart.period": 0.4, "torque_ripple@cart_drive.period": 0.2}).bounds(table)
+    low, high = Prior(largest={"periodic_force@cart.period": 0.4, "torque_ripple@cart_drive.period": 0.2}).bounds(table)
     [place] = table.positions("periodic_force@cart.period")
     free_low, free_high = table.bounds()
     assert high[place] == 0.4 < free_high[place] and (low == free_low).all()

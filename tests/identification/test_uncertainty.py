@@ -143,7 +143,7 @@ def test_a_bound_that_recordings_set_is_said():
     plant = make_plant(("torque_ripple", "cart_drive", {"amplitude": 0.1, "period": 0.3, "phase": 0.0}))
     table = ParameterTable(plant)
     name = "torque_ripple@cart_drive.period"
-    bounds = Prior(periods={name: 0.3}).bounds(table)
+    bounds = Prior(largest={name: 0.3}).bounds(table)
     (said,) = warnings(
         table, np.array(table.ravel(plant)), np.array(table.positions(name)), np.array([[1e-20]]), bounds
     )

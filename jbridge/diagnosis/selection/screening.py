@@ -84,7 +84,7 @@ def screened(problem: Problem, among: AmongAll, shared: Sequence[Candidate]) -> 
             if candidate.finite:
                 # It has a simulation of its own, so it is weighed by the numbers of its axis alone.
                 axis = problem.setting.axis_of(candidate.site)
-                free = [p for p in free if axis_of_number(table.entry(p)) == axis]
+                free = [p for p in free if axis_of_number(table.entry(p), problem.setting.axes) == axis]
             free += [int(p) for p in linear_places(among.space, candidate) if p not in free]
         starts.append(Start(vector, np.array(free, np.int64), there.states))
     points = problem.evaluate(among.space.engine, starts)

@@ -24,7 +24,7 @@ from ...identification.solver import Start
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
-from ..structures.space import Name, is_apart, longest_periods, proposals
+from ..structures.space import Name, is_apart, largest_shown, proposals
 from ..structures.structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
 from .additions import added
 from .mechanisms import with_mechanisms
@@ -72,8 +72,8 @@ def select(
         tell: takes a line on what is being done.
         until: deadline by `time.monotonic` [s], given the number of effects that the validation will leave out.
     """
-    periods = longest_periods(proposals(problem.setting, base.plant, base.known))
-    prior = dataclasses.replace(problem.likelihood.prior, periods=periods)
+    largest = largest_shown(proposals(problem.setting, base.plant, base.known))
+    prior = dataclasses.replace(problem.likelihood.prior, largest=largest)
     problem = dataclasses.replace(problem, likelihood=dataclasses.replace(problem.likelihood, prior=prior))
     held: list[Structure] = [base]
     tried: list[tuple[Structure, ...]] = []

@@ -138,15 +138,16 @@ def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candi
     return [c for c in found if is_apart(c.kind) or not c.finite or c.name not in absent]
 
 
-def longest_periods(every: Sequence[Candidate]) -> dict[str, float]:
-    """The longest period of each effect that repeats, by its parameter's name: a longer one recordings do not show
-    twice, and one wave is like any other smooth law.
+def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:
+    """The largest periods and widths that recordings show, by parameter's name: of a longer period they do not show two
+    waves, and one wave is like any other smooth law; of a width beyond the inputs they show a slope alone.
     """
     out: dict[str, float] = {}
     for candidate in every:
-        if isinstance(period := candidate.values.get("period"), float):
-            name = candidate.group("period")
-            out[name] = max(out.get(name, 0.0), period)
+        for key in ("period", "width"):
+            if isinstance(value := candidate.values.get(key), float):
+                name = candidate.group(key)
+                out[name] = max(out.get(name, 0.0), value)
     return out
 
 

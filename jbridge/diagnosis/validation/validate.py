@@ -3,7 +3,7 @@
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
 the unit of the criterion, is tested over blocks. What is not confirmed goes, the least first, and the others are judged
 once more: of two effects of which either would do, neither is missed beside the other. An effect without which the
-hold-out is met worse is confirmed if, in one of the channels that lose by that, it takes more off the square of the
+hold-out is met worse is confirmed if, in the channel whose error it changes most, it takes more off the square of the
 typical error than is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most like
 it imitates a part of it. The error is that of most windows, as the criterion counts it, since one that no model meets
 says nothing of the others. Errors of channels are not added up: what one of them cannot explain says nothing of
@@ -60,7 +60,7 @@ class Validation:
     given: Fixed
     """The model as given, refitted."""
     final: Fixed
-    """The model with everything that was named but events."""
+    """The model with everything that was named but what the hold-out speaks against."""
     before: Evaluation
     """Of the model as given, refitted, on the hold-out,"""
     after: Evaluation
@@ -146,17 +146,21 @@ def validate(
             scatter=scatters,
             apart=_apart(problem, holdout, given, tell, deadline),
         )
-    every, left_out = final, list[Name]()
+    every, left_out, refuted = final, list[Name](), list[Name]()
     complete = judge.evaluate(final.plant, final.engine)
     beside, criterion = complete, likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
     judged: dict[Name, Checked] = {}
-    in_doubt = list(every.names)
+    judged_without: dict[Name, int] = {}
     # Of two effects of which either would do, neither is missed: what matters least goes, and the others are judged
-    # without it.
-    while in_doubt:
+    # without it, those in doubt first.
+    while time.monotonic() < deadline or not judged:
+        due = [n for n in every.names if n not in left_out and judged_without.get(n) != len(left_out)]
+        due = [n for n in due if n not in judged or judged[n].status != "confirmed"] or due
+        if not due:
+            break
         runs = {}
-        for name in in_doubt:
+        for name in due:
             tell(f"leaving out {name[0]} ({name[1]})")
             reduced = refitted(problem, every, base, [*left_out, name])
             runs[name] = run = judge.evaluate(reduced.plant, reduced.engine)
@@ -164,21 +168,21 @@ def validate(
             excited = criterion.expected(beside.square, prediction_gap(beside.data, beside.left, run.left))
             expected = _summed(excited, blocks).sum(axis=1)
             judged[name] = _checked(name, loss, expected, before, beside, run)
-        in_doubt = [name for name in in_doubt if judged[name].status != "confirmed"]
-        if not in_doubt or time.monotonic() > deadline:
-            break
-        least = min(in_doubt, key=lambda name: judged[name].steady)
-        in_doubt.remove(least)
-        left_out.append(least)
-        beside = runs[least]
-    # What the hold-out is met better without is no part of the model.
-    refuted = [n for n, c in judged.items() if c.status == "event" or c.steady < 0.0]
+            judged_without[name] = len(left_out)
+        in_doubt = [name for name in due if judged[name].status != "confirmed"]
+        if in_doubt:
+            least = min(in_doubt, key=lambda name: judged[name].steady)
+            # What the hold-out is met better without is no part of the model.
+            if len(refuted) == len(left_out) and (judged[least].status == "event" or judged[least].steady < 0.0):
+                refuted.append(least)
+            left_out.append(least)
+            beside = runs[least]
     if refuted:
         final = refitted(problem, every, base, refuted, own=True) if len(refuted) < len(every.names) else given
         complete = judge.evaluate(final.plant, final.engine) if final.names else before
     doubtful = [name for name, c in judged.items() if c.status != "confirmed"]
     sure = before if len(doubtful) == len(judged) else beside
-    if sure is beside and in_doubt:
+    if sure is beside and len(doubtful) > len(left_out):
         reduced = refitted(problem, every, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
     return Validation(
@@ -279,14 +283,12 @@ def _checked(
     """
     steady = steadiness(loss.sum(axis=1), expected)
     own, (horizon, axes) = _explained(before, complete, run), _shown(before)
-    # A channel that hardly exceeds the noise has nothing that it might imitate; in one of the others it must take off
-    # more than is left.
-    channel = loss.sum(axis=0)
+    # It is judged where it changes the error most, of the channels that lose. One that hardly exceeds the noise has
+    # nothing that it might imitate.
     left, without = (each.typical_excess(horizon) for each in (complete, run))
-    own_axis = AXES[int(channel.argmax())]
-    nameless = own_axis in axes and all(
-        without[axis] - left[axis] <= left[axis] for axis in axes if channel[AXES.index(axis)] > 0.0
-    )
+    losing = [axis for axis, lost in zip(AXES, loss.sum(axis=0), strict=True) if lost > 0.0 and axis in left]
+    most = max(losing, key=lambda axis: (1.0 + without[axis]) / (1.0 + left[axis]), default=None)
+    nameless = most in axes and without[most] - left[most] <= left[most]
     explained = float(np.mean(list(own.values()))) if own else None
     if steady > CRITERIA.confirmed and not nameless:
         return Checked(name, "confirmed", explained, steady)

@@ -1,5 +1,6 @@
 """Between the commanded input and the motor's force."""
 
+import abc
 from typing import ClassVar
 
 import equinox as eqx
@@ -182,13 +183,13 @@ class ForceLimit(AbstractEffect):
     kind: ClassVar[str] = "force_limit"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
     sentence: ClassVar[str] = "a limit of the {axis}'s force, as of an amplifier's current"
-    beside: ClassVar[tuple[str, ...]] = ("actuator_lag", "dead_zone", "back_emf", "torque_ripple")
+    beside: ClassVar[tuple[str, ...]] = ("actuator_lag", "dead_zone", "back_emf", "freewheeling", "torque_ripple")
     alike: ClassVar[tuple[Alike, ...]] = tuple(
         Alike(
             site,
             "saturation",
             site,
-            "recordings of a drive without lag, dead zone or back-EMF",
+            "recordings of a drive without lag, dead zone, back-EMF or freewheeling",
             "An input that jumps to its limit and back within the drive's lag",
         )
         for site in _DRIVES
@@ -206,7 +207,24 @@ class ForceLimit(AbstractEffect):
         return [Seed({"limit": share * largest}, ("limit",), finite=True) for share in (0.85, 0.6)]
 
 
-class BackEmf(AbstractEffect):
+class AbstractInduced(AbstractEffect):
+    """A voltage that a motor induces against its input as it turns."""
+
+    constant: eqx.AbstractVar[Scalar]
+    """Input that is induced at unit speed."""
+
+    @abc.abstractmethod
+    def less(self, commanded: Scalar, v: Scalar, u: Scalar) -> Scalar:
+        """What is left of an input `u` [input unit] at a motor's speed [m/s]; `commanded` is the input as it came."""
+
+
+_COASTING = (
+    (CART_DRIVE, "cart_damping", "cart_gain"),
+    (HOIST_DRIVE, "hoist_damping", "hoist_gain"),
+)
+
+
+class BackEmf(AbstractInduced):
     """Force `K (u - constant v)` in place of `K u`: a motor fed with a voltage slows itself down as it turns.
 
     `K constant` adds to the axis' viscous damping, and only where the drive's force is limited, or its gain `K` is
@@ -227,16 +245,12 @@ class BackEmf(AbstractEffect):
             f"A recording that coasts with the motor's circuit open ([override] {gain} = 0 in its sidecar),"
             " or one in which the drive's force reaches its limit",
         )
-        for site, damping, gain in (
-            (CART_DRIVE, "cart_damping", "cart_gain"),
-            (HOIST_DRIVE, "hoist_damping", "hoist_gain"),
-        )
+        for site, damping, gain in _COASTING
     )
     constant: Scalar = parameter("{input}/({speed})", "input that is induced at unit speed", low=0.0)
     site: str = eqx.field(static=True)
 
-    def less(self, u: Scalar, v: Scalar) -> Scalar:
-        """What is left of an input [input unit] at a speed of the motor [m/s]."""
+    def less(self, commanded: Scalar, v: Scalar, u: Scalar) -> Scalar:
         return u - self.constant * v
 
     @classmethod
@@ -244,32 +258,41 @@ class BackEmf(AbstractEffect):
         return [Seed({}, ("constant",))]
 
 
-class Freewheeling(AbstractEffect):
-    """Force `K u - damping v min(|u| / width, 1)`: a motor that an open circuit lets coast where no input drives it.
+class Freewheeling(AbstractInduced):
+    """Force `K (u - constant v min(|u| / width, 1))`: a motor that an open circuit lets coast at zero input.
 
     A bridge of transistors whose enable line is pulsed opens the motor's circuit between pulses and at zero input, so
     that the motor brakes itself while it is driven and runs on freely when it is not; the axis' viscous damping is what
     is felt in either case. Up to `width`, pulses are too short for the current to flow from one to the next, and the
-    braking grows with them. At `damping = 0` it is absent and has a gradient. (Data sheet of the L298 dual full-bridge
+    braking grows with them. At `constant = 0` it is absent and has a gradient. (Data sheet of the L298 dual full-bridge
     driver, STMicroelectronics, 2000, figure 6: a low enable line is a free running stop, equal inputs are a fast one.)
     """
 
     kind: ClassVar[str] = "freewheeling"
     sites: ClassVar[tuple[str, ...]] = _DRIVES
     sentence: ClassVar[str] = "a {axis} that coasts where its input is zero, and slows itself down only while it drives"
-    damping: Scalar = parameter("N s/m", "damping that is felt only while an input drives the motor", low=0.0)
-    width: Scalar = parameter("{input}", "input from which all of it is felt", null=1e-3, low=1e-9)
+    alike: ClassVar[tuple[Alike, ...]] = tuple(
+        Alike(
+            site,
+            "wrong_value",
+            damping,
+            "recordings in which nothing moves while its input is zero",
+            "An input that falls to zero at speed",
+        )
+        for site, damping, _ in _COASTING
+    )
+    constant: Scalar = parameter("{input}/({speed})", "input that is induced at unit speed while driven", low=0.0)
+    width: Scalar = parameter("{input}", "input from which all of it is induced", null=1e-3, low=1e-9)
     site: str = eqx.field(static=True)
 
-    def braked(self, u: Scalar, v: Scalar, force: Scalar) -> Scalar:
-        """Force [N] at an input [input unit] and a speed of the motor [m/s], from the force without it."""
-        return force - self.damping * v * jnp.minimum(jnp.abs(u) / self.width, 1.0)
+    def less(self, commanded: Scalar, v: Scalar, u: Scalar) -> Scalar:
+        return u - self.constant * v * jnp.minimum(jnp.abs(commanded) / self.width, 1.0)
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         largest = _largest_input(site, scene)
         return [
-            Seed({"damping": 0.0, "width": share * largest}, ("damping", "width"), linear=("damping",))
+            Seed({"constant": 0.0, "width": share * largest}, ("constant", "width"), linear=("constant",))
             for share in (0.05, 1.0)
         ]
 

@@ -70,7 +70,7 @@ EXAMPLES = {
     "saturation": {"limit": 1.5},
     "force_limit": {"limit": 1.1},
     "back_emf": {"constant": 0.8},
-    "freewheeling": {"damping": 3.0, "width": 0.9},
+    "freewheeling": {"constant": 0.8, "width": 0.9},
     "gain_asymmetry": {"ratio": 0.15},
     "gain_drift": {"rate": -0.02},
     "sensor_offset": {"offset": 0.012},
@@ -163,7 +163,7 @@ MOTORS = {
     # force of the drive at (parameters, its gain, input, speed)
     "force_limit": lambda p, gain, u, v: np.clip(gain * u, -p["limit"], p["limit"]),
     "back_emf": lambda p, gain, u, v: gain * (u - p["constant"] * v),
-    "freewheeling": lambda p, gain, u, v: gain * u - p["damping"] * v * min(abs(u) / p["width"], 1.0),
+    "freewheeling": lambda p, gain, u, v: gain * (u - p["constant"] * v * min(abs(u) / p["width"], 1.0)),
 }
 LOADED = ("load_dependent_friction",)
 BODIES = ("rod_inertia",)
