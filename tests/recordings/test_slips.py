@@ -181,6 +181,7 @@ READ = {
     "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
     "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),
     "a separator at the end of each row of numbers": edited(lambda n: [n[0], *(row + "," for row in n[1:])]),
+    "a last column that is empty": edited(lambda n: [n[0] + ",note,fit", *(row + ',"a, b, c",' for row in n[1:])]),
     "the row numbers of a data frame": edited(lambda n: ["," + n[0], *(f"{i},{row}" for i, row in enumerate(n[1:]))]),
     "the times of a serial monitor": edited(lambda n: [f"14:03:{i / 100:06.3f} -> {n[i]}" for i in range(len(n))]),
     "times of day over midnight": lambda: with_clock(

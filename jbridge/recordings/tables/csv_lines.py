@@ -176,10 +176,11 @@ def drop_empty_column(lines: list[str]) -> tuple[str, ...]:
         return ()
     header, *body = (lines[number].rstrip() for number in filled)
     # The last row of a log may be cut.
-    if not all(row.endswith(",") for row in body[: max(1, len(body) - 1)]) or body[0].count(",") < header.count(","):
+    if not all(row.endswith(",") for row in body[: max(1, len(body) - 1)]):
         return ()
-    if not header.endswith(",") and body[0].count(",") == header.count(","):
-        return ()  # a column that has a name, and is empty
+    names, cells = (len(cells_of(line, ",")) for line in (header, body[0]))
+    if cells < names or (cells == names and not header.endswith(",")):
+        return ()  # in the latter case a column that has a name, and is empty
     for number in filled:
         lines[number] = lines[number].rstrip().removesuffix(",")
     return ("Each row ends with a separator, which is left out.",)
