@@ -140,7 +140,10 @@ REFUSED = {
         lambda lines: "\n".join([lines[0], "", "", *lines[1:10], "", lines[10] + "x", *lines[11:]]),
         ["row 14", "column l", "is text"],
     ),
-    "a monitor's banner": (inserted(1, "Booting v1.2", "ready"), ["row 1", "Booting", "delete the rows"]),
+    "a monitor's banner and no header": (
+        lambda lines: "\n".join(["Booting v1.2", "ready", *lines[1:]]),
+        ["row 1", "Booting", "delete the rows"],
+    ),
     "a monitor's text between": (inserted(51, "motor on"), ["row 51", "delete the row"]),
     "a cut last line": (line_replaced(401, lambda line: line[:9]), ["row 401", "correct or delete the row"]),
     "a repeated header": (inserted(51, "t,u_x,u_l,x,psi,l"), ["row 51", "column t", "'t' is text"]),

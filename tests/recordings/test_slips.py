@@ -177,6 +177,10 @@ READ = {
         [";" + table(TRUTH, ";").splitlines()[0]]
         + [f"{k};{row}" for k, row in enumerate(table(TRUTH, ";").splitlines()[1:])]
     ),
+    "a title above": edited(lambda n: ["STEP 1: 11 V, no container, hook up", *(row + "," for row in n)]),
+    "lines of text above": edited(lambda n: ["rig 3", "start_time,1015.361712", "omega,1.0,2.0", "", *n]),
+    "a title above units": edited(lambda n: ["monday, rig 3", n[0], ",".join(SI.values()), *n[1:]]),
+    "a title above semicolons": lambda: "Versuch 3, Montag\n2024-03-05\n" + table(TRUTH, ";", comma=True),
     "a comment between": edited(lambda n: [*n[:80], "# the button, twice", *n[80:]]),
     "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
     "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),
@@ -202,6 +206,23 @@ def test_read_right(tmp_path, text):
     rows = np.searchsorted(TRUTH["t"], recording.times - recording.start - 1e-6)
     for name in ("x", "psi", "l", "u_x", "u_l"):
         np.testing.assert_allclose(getattr(recording, name), TRUTH[name][rows], rtol=1e-12, atol=1e-15)
+
+
+def test_text_above_the_header_is_told(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("rig 3\nomega,2.0\n" + table(TRUTH))
+    assert "2 lines of text above the header, 'rig 3' the first, are left out." in load_recording(path).notes
+
+
+@pytest.mark.parametrize("row", ["button pressed", "on,off,on,off,on,off", "t,u_x,u_l,x,psi,l"])
+def test_text_among_the_numbers_is_refused(tmp_path, row):
+    """Also where as many words as columns stand right below the header."""
+    path = tmp_path / "run.csv"
+    header, *rows = table(TRUTH).splitlines()
+    for place in (0, 1, 300):
+        path.write_text("\n".join([header, *rows[:place], row, *rows[place:]]))
+        with pytest.raises(InputError, match=f"row {place + 2}[:,].* is text"):
+            load_recording(path)
 
 
 @pytest.mark.parametrize(("column", "value"), [("u_x", "60000.0"), ("u_l", "400.0")])
