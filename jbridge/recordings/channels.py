@@ -96,7 +96,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         for channel in CHANNELS
         if channel not in columns
         and channel not in left_out
-        and (column := near_column(channel, (*extras, *no_numbers)))
+        and (column := near_column(channel, (*extras, *no_numbers), table.told))
     }
     whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
     check_finite(whole.error, "t", times)
@@ -185,7 +185,7 @@ def no_time(path: Path, table: Table) -> InputError:
     """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
     names = [*table.columns, *table.faulty]
     if names:
-        meant = near_column("t", names)
+        meant = near_column("t", names, table.told)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         sidecar = path.with_suffix(".toml").name
         found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under [columns] in {sidecar}"

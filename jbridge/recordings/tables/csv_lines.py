@@ -16,6 +16,8 @@ COMMENT = re.compile(r"\s*(?:[#%]|//)")
 """Start of a line of comment, and of what a spreadsheet writes for an error in a formula."""
 SEMICOLON = re.compile(r"\s*;")
 """Start of a line of comment, too, where semicolons do not separate columns."""
+UNIT_OF = re.compile(r"(?:[#%;]+|//)?\s*([^\s:=,;\[(]+)\s*(?:[:=]|(?=[\[(]))\s*([\[(]?[^\s\])]+[\])]?)")
+"""A column's name and its unit."""
 WITH_COMMA = re.compile(r"[\d:]+(?:,\d+)+(?:[eE][-+]?\d+)?")
 """A number, or a time of day, with decimal comma or separators of thousands."""
 THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
@@ -44,6 +46,18 @@ def to_plain_table(path: Path, lines: list[str]) -> tuple[str, ...]:
         *drop_empty_column(lines),
         *merge_units(lines),
     )
+
+
+def told_units(lines: list[str]) -> dict[str, str]:
+    """Returns the units that lines above the header give, such as `# angle: rad`, by name."""
+    found = {}
+    for line in lines:
+        if starts_with_number(line):
+            break
+        match = UNIT_OF.fullmatch(line.strip())
+        if match and (units := units_in([match[2]])):
+            found[match[1]] = units[0]
+    return found
 
 
 def filled_lines(lines: list[str]) -> list[int]:

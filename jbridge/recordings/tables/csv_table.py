@@ -17,7 +17,7 @@ import numpy as np
 from jbridge._files import replace_text
 from jbridge.errors import InputError, cut, listed, quoted
 from jbridge.recordings.tables.clock import LIKE_A_DATE, clock_seconds, is_clock
-from jbridge.recordings.tables.csv_lines import filled_lines, is_number, refuse_no_header, to_plain_table
+from jbridge.recordings.tables.csv_lines import filled_lines, is_number, refuse_no_header, to_plain_table, told_units
 from jbridge.recordings.tables.table import Table
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
@@ -36,6 +36,7 @@ def read_csv(path: Path, content: bytes) -> Table:
         InputError: naming file, row and column.
     """
     lines = decode(path, content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    told = told_units(lines)
     notes = to_plain_table(path, lines)
     filled = filled_lines(lines)
     if not filled:
@@ -57,7 +58,16 @@ def read_csv(path: Path, content: bytes) -> Table:
         if "" not in columns or np.any(np.diff(columns.pop("")) != 1):
             raise unnamed(path, filled[0] + 1, 0)
         notes += ("The first column has no name and numbers the rows; it is left out.",)
-    return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, faulty=faulty, clocks=clocks, notes=notes)
+    return Table(
+        str(path),
+        f"{path}, row {filled[0] + 1}",
+        columns,
+        rows,
+        faulty=faulty,
+        clocks=clocks,
+        told=told,
+        notes=notes,
+    )
 
 
 def decode(path: Path, content: bytes) -> str:
