@@ -35,16 +35,17 @@ class Channels:
     """Columns that are probably meant for a channel that was not found, by their names."""
     left_out: frozenset[str] = frozenset()
     """Channels that the sidecar declares to be absent."""
+    declared: Sidecar = field(default_factory=Sidecar)
+    """What is declared about the file."""
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
         name = self.columns[channel].name if channel in self.columns else channel
         return self.table.error(self.first + sample, name, problem)
 
-    @property
-    def sidecar(self) -> str:
-        """Name of the sidecar that may declare more about the file."""
-        return Path(self.table.path).with_suffix(".toml").name
+    def place(self, channel: str = "", section: str = "columns") -> str:
+        """Returns where a line about the file belongs: the table and file that declare the channel, or may."""
+        return self.declared.place(Path(self.table.path), section, channel)
 
     @property
     def units(self) -> dict[str, str]:
@@ -98,7 +99,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         and channel not in left_out
         and (column := near_column(channel, (*extras, *no_numbers), table.told))
     }
-    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
+    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out, declared)
     check_finite(whole.error, "t", times)
     check_times(whole.error, times, columns["t"])
     channels = trim(path, whole, declared)
@@ -133,7 +134,7 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
             continue
         names = [*table.columns, *table.faulty]
         if channel not in declared.columns:
-            column = header_column(table, channel, names) or column
+            column = header_column(table, channel, names, declared) or column
         if column.name in table.clocks and channel != "t":
             raise table.clocks[column.name]
         if column.name in table.faulty:
@@ -154,17 +155,17 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
         if name in faulty:
             raise error
     if "t" not in columns:
-        raise no_time(path, table)
+        raise no_time(path, table, declared)
     if columns["t"].name in table.clocks and (columns["t"].unit, columns["t"].scale) != ("s", None):
         raise InputError(
             f"{table.header}, column {cut(columns['t'].name)}: times of day are read as seconds from the first row;"
-            f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under [columns] in"
-            f" {path.with_suffix('.toml').name}"
+            f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under"
+            f" {declared.place(path, channel='t')}"
         )
     return columns
 
 
-def header_column(table: Table, channel: str, names: list[str]) -> Column | None:
+def header_column(table: Table, channel: str, names: list[str], declared: Sidecar) -> Column | None:
     """Returns the column that a header gives a channel by its name, or by name and unit, if there is one.
 
     Raises:
@@ -176,19 +177,18 @@ def header_column(table: Table, channel: str, names: list[str]) -> Column | None
         one, other = (quoted(column.name) for column in found[:2])
         raise InputError(
             f"{table.header}: columns {one} and {other} are both {channel}; delete or rename one, or declare"
-            f" {found[0].line(channel)} under [columns] in {Path(table.path).with_suffix('.toml').name}"
+            f" {found[0].line(channel)} under {declared.place(Path(table.path))}"
         )
     return found[0] if found else None
 
 
-def no_time(path: Path, table: Table) -> InputError:
+def no_time(path: Path, table: Table, declared: Sidecar) -> InputError:
     """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
     names = [*table.columns, *table.faulty]
     if names:
         meant = near_column("t", names, table.told)
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
-        sidecar = path.with_suffix(".toml").name
-        found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under [columns] in {sidecar}"
+        found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under {declared.place(path)}"
         return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
     held = (
         ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"

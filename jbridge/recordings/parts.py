@@ -38,13 +38,12 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
         InputError: where channels contradict each other, or where one is missing.
     """
     values, header = channels.values, channels.table.header
-    sidecar_name = path.with_suffix(".toml").name
     notes: list[str] = []
     unused: set[str] = set()
     if "x" in values and "u_x" not in values:
         raise InputError(
             f"{header}: a column x but no u_x; add the input of the cart's drive (zeros if the motor was off)"
-            f", or declare {line_for('u_x', channels)} under [columns] in {sidecar_name}"
+            f", or declare {line_for('u_x', channels)} under {channels.place('u_x')}"
         )
     if not inputs_only:
         require_measurement(header, values)
@@ -62,7 +61,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
     elif "u_l" in values and "l" not in values and not inputs_only:
         raise InputError(
             f"{header}: a column u_l but no l; add the rope length, or declare {line_for('l', channels)}"
-            f" under [columns] in {sidecar_name}; if the rope was locked, declare u_l = false there, and its length in"
+            f" under {channels.place('l')}; if the rope was locked, declare u_l = false there, and its length in"
             " m, such as l = 0.7, under [locked]"
         )
     if "u_l" in values and "u_l" not in unused:
@@ -94,8 +93,8 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
             int(np.abs(length - middle).argmax()),
             "l",
             f"without u_l the rope is locked, but its length varies by {np.ptp(length) * 1000:.0f} mm, over"
-            f" {MOST_MOTION * 1000:.0f}; declare the hoist's input, {line_for('u_l', channels)}, under [columns] in"
-            f" {path.with_suffix('.toml').name}, or l = false there, and the rope's length in m, such as"
+            f" {MOST_MOTION * 1000:.0f}; declare the hoist's input, {line_for('u_l', channels)}, under"
+            f" {channels.place('u_l')}, or l = false there, and the rope's length in m, such as"
             " l = 0.7, under [locked]",
         )
     load = "psi" in values or length is not None
@@ -116,6 +115,6 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
     if "psi" in values:
         raise InputError(
             f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; declare it, from"
-            f" pivot to load centre in m, such as l = 0.7, under [locked] in {path.with_suffix('.toml').name}"
+            f" pivot to load centre in m, such as l = 0.7, under {channels.place(section='locked')}"
         )
     return None, ""

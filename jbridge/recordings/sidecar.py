@@ -48,6 +48,10 @@ class Sidecar:
 
     source: str = ""
     """Where they stand: the file and, in a folder's file, the table."""
+    lines: str = ""
+    """The nearest of these tables, as in `["*.csv".*] in recordings.toml`; nothing without one."""
+    places: Mapping[str, str] = field(default_factory=dict)
+    """The same of the table that says it, by declared channel."""
     columns: Mapping[str, Column | None] = field(default_factory=dict)
     """Column of each declared channel; None where the file's column of that name is to be left out."""
     hold: Mapping[str, bool] = field(default_factory=dict)
@@ -69,11 +73,19 @@ class Sidecar:
         """Returns the column of a channel: the declared one, else the one of its name in SI units."""
         return self.columns[channel] if channel in self.columns else plain_column(channel)
 
+    def place(self, path: Path, section: str = "columns", channel: str = "") -> str:
+        """Returns where a line for a recording belongs: into the table that declares the channel, else the nearest."""
+        lines = self.places.get(channel) or self.lines or f"[*] in {path.with_suffix('.toml').name}"
+        before, _, after = lines.rpartition("*] in ")
+        return f"{before}{section}] in {after}"
+
     def over(self, other: "Sidecar") -> "Sidecar":
         """Returns both together; where both declare the same, this one counts."""
         nothing = Sidecar()
         return Sidecar(
             source=" and ".join(filter(None, (other.source, self.source))),
+            lines=self.lines or other.lines,
+            places={**other.places, **self.places},
             columns={**other.columns, **self.columns},
             hold={**other.hold, **self.hold},
             resolution={**other.resolution, **self.resolution},
@@ -102,7 +114,7 @@ def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
         document = read_tables(file, "sidecar")
         whole = given is not None or file == own
         if whole and not is_folder_file(file, document):
-            layers = [(Where(str(file)), document)]
+            layers = [(Where(str(file), f"[*] in {file.name}"), document)]
         else:
             layers = tables_for(path, file, document)
         for layer in layers:
@@ -129,7 +141,7 @@ def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[
             raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
     patterns = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
     own = [path.name] if path.name in document else []
-    fitting = {key: Where(f'{file}, table "{key}"') for key in (*patterns, *own)}
+    fitting = {key: Where(f'{file}, table "{key}"', f'["{key}".*] in {file.name}') for key in (*patterns, *own)}
     tables = {key: where.table(document, key) for key, where in fitting.items()}
     refuse_contradictions(path, file, {key: tables[key] for key in patterns})
     return [(where, tables[key]) for key, where in fitting.items()]
@@ -154,6 +166,8 @@ class Where:
     """A place in a TOML file; takes values out of its table and refuses what does not fit."""
 
     place: str
+    lines: str = ""
+    """Where lines of its tables belong, as `Sidecar.lines` has it."""
 
     def error(self, problem: str) -> InputError:
         return InputError(f"{self.place}: {problem}")
@@ -216,9 +230,12 @@ def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
     override_where, override_table = tables["override"]
     initial_where, initial_table = tables["initial"]
     resolution_where, resolution_table = tables["resolution"]
+    columns = dict(parse_columns(*tables["columns"]))
     return Sidecar(
         source=where.place,
-        columns=dict(parse_columns(*tables["columns"])),
+        lines=where.lines,
+        places=dict.fromkeys(columns, where.lines),
+        columns=columns,
         hold=parse_flags(hold_where, hold_table),
         resolution=resolution_where.numbers(resolution_table, MEASURED, positive=MEASURED),
         override=override_where.numbers(override_table, PARAMETERS, positive=POSITIVE, not_negative=NOT_NEGATIVE),

@@ -9,6 +9,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import inspect_recordings, load_recording
+from jbridge.report.check import gathered
 
 RECORDED = Path(__file__).parent / "whole_bridge.csv"
 Columns = dict[str, np.ndarray]
@@ -244,6 +245,24 @@ def test_all_problems_are_found_at_once(tmp_path):
     path.write_text(table(scaled(u_x=-1.0, u_l=-1.0, psi=-1.0)))
     (inspected,) = inspect_recordings([path])
     assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
+
+
+@pytest.mark.parametrize("names", [("a-1.csv",), ("a-1.csv", "a-2.csv")])
+def test_the_line_belongs_into_the_table_that_declares_the_channel(tmp_path, names):
+    """Another pattern that fits must not say the same, and the line in the place that is named mends it."""
+    folder = tmp_path / "recordings.toml"
+    tables = '["*.csv".columns]\nt = "t"\n\n["a-*.csv".columns]\nx = {column = "way", unit = "m"}\n'
+    folder.write_text(tables)
+    paths = [tmp_path / name for name in names]
+    for path in paths:
+        path.write_text(table(renamed(x="way") | {"way": 1e3 * TRUTH["x"]}))
+    said = gathered(inspect_recordings(paths))
+    assert len(said) == 1
+    line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
+    assert place == '["a-*.csv".columns]'
+    folder.write_text(tables.replace('x = {column = "way", unit = "m"}', line))
+    for path in paths:
+        check(load_recording(path))
 
 
 def test_each_file_is_read_once(tmp_path, monkeypatch):
