@@ -75,34 +75,38 @@ def from_its_start(column: Column, times: np.ndarray) -> Column:
 
 
 def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
-    """Raises the InputError for the first time that does not come after the one before, by a microsecond or more.
+    """Raises the InputError for the first time that comes before the one above, or less than a microsecond after it.
+
+    Two rows of one time come from a coarse clock; many of them are an error, too.
 
     Args:
         refuse: makes the error.
         times: of the rows [s].
         column: that they were read from.
     """
-    bad = np.diff(times) < SHORTEST
-    if bad.any():
-        sample = int(bad.argmax()) + 1
-        now, before = times[sample], times[sample - 1]
-        often = why_often(np.diff(times), column)
-        if often:
-            raise refuse(sample, "t", often)
-        if now > before:
-            raise refuse(
-                sample,
-                "t",
-                f"{now - before:.3g} s after the row above, less than a microsecond; delete one of the rows, or declare"
-                ' the unit under [columns]: t = {column = "...", unit = "..."}',
-            )
-        what = "is the same as" if now == before else "comes before that of"
+    steps = np.diff(times)
+    bad = (steps < SHORTEST) & (steps != 0)
+    often = why_often(steps, column) if (steps < SHORTEST).any() else ""
+    if often:
+        raise refuse(int((steps < SHORTEST).argmax()) + 1, "t", often)
+    if not bad.any():
+        return
+    sample, count = int(bad.argmax()) + 1, int(np.count_nonzero(bad))
+    now, before = times[sample], times[sample - 1]
+    more = f", and so in {count} rows" if count > 1 else ""
+    if now > before:
         raise refuse(
             sample,
             "t",
-            f"time must increase, but {now!s} s {what} the row above ({before!s} s);"
-            " delete repeated rows, and keep one run in a file",
+            f"{now - before:.3g} s after the row above, less than a microsecond{more}; delete one of the rows, or"
+            ' declare the unit under [columns]: t = {column = "...", unit = "..."}',
         )
+    raise refuse(
+        sample,
+        "t",
+        f"time must increase, but {now!s} s comes before that of the row above ({before!s} s){more}; keep one run in a"
+        " file",
+    )
 
 
 def with_longer_unit(column: Column, step: float) -> Column | None:

@@ -115,6 +115,6 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
     if "psi" in values:
         raise InputError(
             f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; declare it, from"
-            f" pivot to load centre in m, such as l = 0.7, under {channels.place(section='locked')}"
+            f" pivot to load centre in m, such as l = 0.7, under {channels.place('l', 'locked')}"
         )
     return None, ""

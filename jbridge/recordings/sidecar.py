@@ -52,6 +52,8 @@ class Sidecar:
     """The nearest of these tables, as in `["*.csv".*] in recordings.toml`; nothing without one."""
     places: Mapping[str, str] = field(default_factory=dict)
     """The same of the table that says it, by declared channel."""
+    elsewhere: frozenset[tuple[str, str]] = frozenset()
+    """Sections and keys in the tables of other recordings of the folder."""
     columns: Mapping[str, Column | None] = field(default_factory=dict)
     """Column of each declared channel; None where the file's column of that name is to be left out."""
     hold: Mapping[str, bool] = field(default_factory=dict)
@@ -73,9 +75,15 @@ class Sidecar:
         """Returns the column of a channel: the declared one, else the one of its name in SI units."""
         return self.columns[channel] if channel in self.columns else plain_column(channel)
 
-    def place(self, path: Path, section: str = "columns", channel: str = "") -> str:
-        """Returns where a line for a recording belongs: into the table that declares the channel, else the nearest."""
-        lines = self.places.get(channel) or self.lines or f"[*] in {path.with_suffix('.toml').name}"
+    def place(self, path: Path, section: str = "columns", key: str = "") -> str:
+        """Returns where a line for a recording belongs: into the table that says it, else into the nearest one.
+
+        Where tables of other recordings say the same, a table of its own contradicts none of them.
+        """
+        lines = self.places.get(key) if section == "columns" else ""
+        if not lines and (section, key) in self.elsewhere:
+            lines = f'["{path.name}".*] in {FOLDER_FILE}'
+        lines = lines or self.lines or f"[*] in {path.with_suffix('.toml').name}"
         before, _, after = lines.rpartition("*] in ")
         return f"{before}{section}] in {after}"
 
@@ -86,6 +94,7 @@ class Sidecar:
             source=" and ".join(filter(None, (other.source, self.source))),
             lines=self.lines or other.lines,
             places={**other.places, **self.places},
+            elsewhere=self.elsewhere | other.elsewhere,
             columns={**other.columns, **self.columns},
             hold={**other.hold, **self.hold},
             resolution={**other.resolution, **self.resolution},
@@ -117,6 +126,7 @@ def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
             layers = [(Where(str(file), f"[*] in {file.name}"), document)]
         else:
             layers = tables_for(path, file, document)
+            found = Sidecar(elsewhere=said_elsewhere(path, document)).over(found)
         for layer in layers:
             found = parse_sidecar(*layer).over(found)
     return found
@@ -145,6 +155,13 @@ def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[
     tables = {key: where.table(document, key) for key, where in fitting.items()}
     refuse_contradictions(path, file, {key: tables[key] for key in patterns})
     return [(where, tables[key]) for key, where in fitting.items()]
+
+
+def said_elsewhere(path: Path, document: Mapping[str, object]) -> frozenset[tuple[str, str]]:
+    """Returns the sections and keys in those tables of a folder's file that do not fit a recording."""
+    others = [table for name, table in document.items() if not fnmatchcase(path.name, name) and name != path.name]
+    sections = [item for table in others if isinstance(table, dict) for item in table.items()]
+    return frozenset((section, key) for section, said in sections if isinstance(said, dict) for key in said)
 
 
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:

@@ -265,6 +265,20 @@ def test_the_line_belongs_into_the_table_that_declares_the_channel(tmp_path, nam
         check(load_recording(path))
 
 
+def test_a_line_contradicts_no_table_of_other_recordings(tmp_path):
+    """`["*.csv".columns]` would say again what `["b.csv".columns]` or a pattern says."""
+    folder, paths = tmp_path / "recordings.toml", [tmp_path / "a-1.csv", tmp_path / "b-1.csv"]
+    folder.write_text('["*.csv".override]\ngravity = 9.8\n\n["b*.csv".columns]\nx = "pos"\n')
+    for path in paths:
+        path.write_text(table(renamed(x="pos")))
+    said = gathered(inspect_recordings(paths))
+    assert len(said) == 1
+    line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
+    folder.write_text(f"{folder.read_text()}\n{place}\n{line}\n")
+    for path in paths:
+        check(load_recording(path))
+
+
 def test_each_file_is_read_once(tmp_path, monkeypatch):
     """Also where recordings are compared with each other: a file may be large, or a pipe."""
     paths = [tmp_path / name for name in ("a.csv", "b.csv")]
