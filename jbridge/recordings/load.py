@@ -15,6 +15,7 @@ from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains
+from jbridge.recordings.plausibility.inputs import shared_columns, stale_notes, unlogged_inputs
 from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import (
@@ -201,7 +202,8 @@ def make_reading(
     """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
     channels = read_channels(path, table, declared)
     has_lock = declared.locked is not None
-    for doubt in (*doubtful_names(channels, has_lock), *(() if inputs_only else doubtful_absence(channels, has_lock))):
+    absent = () if inputs_only else doubtful_absence(channels, has_lock)
+    for doubt in (*doubtful_names(channels, has_lock), *absent, *shared_columns(channels)):
         tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
     times, values = channels.values["t"], channels.values
@@ -229,7 +231,8 @@ def make_reading(
     fresh |= {name: ~rows for name, rows in lost.items()}
     samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
     if not of_units:
-        for doubt in doubtful_signs(channels, samples, parts.locked_length):
+        length = parts.locked_length
+        for doubt in (*doubtful_signs(channels, samples, length), *unlogged_inputs(channels, samples, length)):
             tell(doubt)
     arrays: dict[str, Any] = {
         name: read_only(values[name]) if name in values and name not in parts.unused else None
@@ -252,6 +255,7 @@ def make_reading(
             *describe(channels, declared, resolution, holds),
             *lost_notes(times, lost),
             *sensor_notes(channels, samples, resolution, holds, parts.locked_length),
+            *stale_notes(channels, samples, resolution),
         ),
         earlier=Commands(
             read_only(before["t"]),

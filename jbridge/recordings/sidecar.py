@@ -78,10 +78,12 @@ class Sidecar:
     def place(self, path: Path, section: str = "columns", key: str = "") -> str:
         """Returns where a line for a recording belongs: into the table that says it, else into the nearest one.
 
-        Where tables of other recordings say the same, a table of its own contradicts none of them.
+        Times of [trim] are of one recording. Where tables of other recordings say the same of a channel, a table of its
+        own contradicts none of them.
         """
         lines = self.places.get(key) if section == "columns" else ""
-        if not lines and (section, key) in self.elsewhere:
+        pattern = section == "trim" and self.lines.startswith('["')
+        if not lines and (pattern or (section, key) in self.elsewhere):
             lines = f'["{path.name}".*] in {FOLDER_FILE}'
         lines = lines or self.lines or f"[*] in {path.with_suffix('.toml').name}"
         before, _, after = lines.rpartition("*] in ")
