@@ -216,6 +216,19 @@ def unwrap(channels: Channels) -> Channels:
     return replace(channels, values=values, notes=(*channels.notes, note))
 
 
+def in_nearest_turn(channels: Channels) -> Channels:
+    """Returns the channels with the angle in that of all turns in which it hangs near 0 for the longest time.
+
+    Recordings of one rig then agree, in whichever turn their sensor, or their cut, began.
+    """
+    psi = channels.values.get("psi")
+    hangs = np.zeros(0) if psi is None else np.round(psi[np.cos(psi) > 0] / TURN)
+    if psi is None or not hangs.any():
+        return channels
+    turns, rows = np.unique(hangs, return_counts=True)
+    return replace(channels, values=channels.values | {"psi": psi - turns[rows.argmax()] * TURN})
+
+
 def trim(path: Path, channels: Channels) -> Channels:
     """Returns the rows within the declared times, without those that have the time of the row above.
 

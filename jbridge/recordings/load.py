@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jbridge.errors import InputError
-from jbridge.recordings.channels import Channels, read_channels
+from jbridge.recordings.channels import Channels, in_nearest_turn, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.notes import describe, held_note, lost_notes
@@ -206,7 +206,7 @@ def make_reading(
     for doubt in (*doubtful_names(channels, has_lock), *absent, *shared_columns(channels)):
         tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
-    times, values = channels.values["t"], channels.values
+    times = channels.values["t"]
     of_units = [
         *doubtful_units(channels),
         *doubtful_angle(channels, parts.locked_length),
@@ -214,6 +214,8 @@ def make_reading(
     ]
     for doubt in of_units:
         tell(doubt)
+    channels = channels if of_units else in_nearest_turn(channels)
+    values = channels.values
     measured = {name: values[name] for name in MEASURED if name in values}
     resolution = {
         name: declared.resolution[name] if name in declared.resolution else estimate_resolution(samples)

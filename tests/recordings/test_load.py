@@ -128,3 +128,19 @@ def test_a_clock_that_starts_again_within_the_trim_is_refused(write, columns, re
     columns["t"] = columns["t"].copy()
     columns["t"][200:] -= 0.8
     assert "comes before" in refusal(write(columns, "[trim]\nstart = 0.3\nstop = 1.1\n"))
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.02, 3.1, -3.13])
+@pytest.mark.parametrize("start", [0, 130, 260])
+def test_the_load_hangs_at_one_angle_in_all_recordings(write, columns, zero, start):
+    """A sensor that starts again at each turn, wherever its zero is, and wherever the recording begins."""
+    read = (columns["psi"] * 4 + zero + np.pi) % (2 * np.pi) - np.pi
+    cut = {name: values[start:] for name, values in (columns | {"psi": read}).items()}
+    recording = load_recording(write(cut, f"[columns]\npsi = {{offset = {zero}}}\n"), force=True)
+    np.testing.assert_allclose(recording.psi, 4 * columns["psi"][start:], atol=1e-12)
+
+
+def test_turns_of_a_load_that_goes_over_the_top_stay(write, columns):
+    columns["psi"] = 4 * np.pi + np.linspace(0, 1, 400) ** 8 * 9.0
+    recording = load_recording(write(columns), force=True)
+    np.testing.assert_allclose(recording.psi, columns["psi"] - 4 * np.pi, atol=1e-12)
