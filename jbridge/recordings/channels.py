@@ -6,7 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from jbridge.errors import InputError, cut, listed, quoted
-from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
+from jbridge.recordings.checks import (
+    LARGEST,
+    LEAST_SAMPLES,
+    check_finite,
+    check_length,
+    check_size,
+    check_times,
+    in_unit_of_log,
+)
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, labelled_columns, near_column, plain_column
@@ -185,6 +193,8 @@ def no_time(path: Path, table: Table, declared: Sidecar) -> InputError:
     names = [*table.columns, *table.faulty]
     if names:
         meant = near_column("t", names, table.told)
+        if meant is not None and meant.name in table.columns and meant.name not in table.clocks:
+            meant = in_unit_of_log(meant, table.columns[meant.name])
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
         found, place = listed(map(quoted, names)), declared.place(path, key="t")
         remedy = f"rename one, or declare {line} under {place}"

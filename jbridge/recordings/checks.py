@@ -121,6 +121,21 @@ def with_longer_unit(column: Column, step: float) -> Column | None:
     return None if unit is None else replace(column, unit=unit)
 
 
+def in_unit_of_log(column: Column, raw: np.ndarray) -> Column:
+    """Returns the column of a time in the unit in which rows come as often as in a log, where its own makes none.
+
+    Args:
+        column: of the time.
+        raw: its numbers, as the file has them.
+    """
+    raw = raw[np.isfinite(raw)]
+    step = float(np.median(np.abs(np.diff(raw)))) * UNITS["t"][column.unit] if raw.size > 1 else 0.0
+    if step > SLOWEST and column.unit == "s":
+        return replace(column, unit="ms" if 1e-3 * step <= SLOWEST else "us")
+    longer = with_longer_unit(column, step) if 0 < step < FASTEST else None
+    return longer or column
+
+
 def why_often(steps: np.ndarray, column: Column) -> str:
     """Returns why times fail to increase in more than one row of twenty, and what to do; nothing if they do not."""
     longer = with_longer_unit(column, float(np.median(steps)))

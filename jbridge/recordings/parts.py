@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, listed, quoted
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.tables.columns import Column, plain_column
@@ -46,7 +46,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
             f", or declare {line_for('u_x', channels)} under {channels.place('u_x')}"
         )
     if not inputs_only:
-        require_measurement(header, values)
+        require_measurement(header, channels)
         if "u_x" in values and "x" not in values:
             unused.add("u_x")
             notes.append("There is no x, so the load is taken to hang from a fixed point and u_x is not used.")
@@ -76,9 +76,12 @@ def line_for(channel: str, channels: Channels) -> str:
     return column.line(channel)
 
 
-def require_measurement(header: str, values: dict[str, np.ndarray]) -> None:
+def require_measurement(header: str, channels: Channels) -> None:
+    """Refuses a recording in which nothing is measured, with the columns that it has instead."""
+    values = channels.values
     if not values.keys() & {"x", "psi", "l"}:
-        raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l)")
+        others = f"; columns not used are {listed(map(quoted, channels.extras))}" if channels.extras else ""
+        raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l){others}")
     if not values.keys() & {"x", "psi", "u_l"}:
         raise InputError(f"{header}: a rope length l, but nothing that moves; add u_l for a hoist, or psi for a swing")
 

@@ -275,3 +275,18 @@ def test_times_that_no_unit_mends_are_doubted(tmp_path):
     with pytest.raises(InputError, match="column t: a row every 1e-05 s is more often"):
         load_recording(path)
     assert load_recording(path, force=True).times.size == 400
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1.0 / 86400, "day")])
+def test_a_time_is_offered_in_the_unit_that_its_steps_tell(write, columns, factor, unit):
+    columns["time"] = columns.pop("t") * factor
+    (inspected,) = inspect_recordings([write(columns)])
+    assert f'declare t = {{column = "time", unit = "{unit}"}}' in inspected.problems[0]
+
+
+def test_nothing_measured_names_what_is_there(write, columns):
+    (inspected,) = inspect_recordings([write({"t": columns["t"], "y": columns["x"], "w": columns["u_x"]})])
+    assert (
+        "nothing measured; add a column x (with u_x), psi, or l (with u_l); columns not used are 'y', 'w'"
+        in (inspected.problems[0])
+    )
