@@ -6,7 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from jbridge.errors import InputError, cut, listed, quoted
-from jbridge.recordings.checks import LARGEST, LEAST_SAMPLES, check_finite, check_length, check_size, check_times
+from jbridge.recordings.checks import (
+    LARGEST,
+    LEAST_SAMPLES,
+    check_finite,
+    check_length,
+    check_size,
+    check_times,
+    in_unit_of_log,
+)
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.tables.columns import CHANNELS, GAINS, Column, labelled_columns, near_column, plain_column
@@ -22,8 +30,8 @@ class Channels:
     table: Table
     columns: dict[str, Column]
     """The column that each channel was read from."""
-    first: int
-    """Samples of the file that lie before the first one here: they were trimmed."""
+    rows: np.ndarray
+    """The number of each sample here among those of the file, of which some were trimmed or left out."""
     values: dict[str, np.ndarray]
     """Channels in SI units by name, `t` among them."""
     earlier: dict[str, np.ndarray]
@@ -35,16 +43,17 @@ class Channels:
     """Columns that are probably meant for a channel that was not found, by their names."""
     left_out: frozenset[str] = frozenset()
     """Channels that the sidecar declares to be absent."""
+    declared: Sidecar = field(default_factory=Sidecar)
+    """What is declared about the file."""
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
         name = self.columns[channel].name if channel in self.columns else channel
-        return self.table.error(self.first + sample, name, problem)
+        return self.table.error(int(self.rows[sample]), name, problem)
 
-    @property
-    def sidecar(self) -> str:
-        """Name of the sidecar that may declare more about the file."""
-        return Path(self.table.path).with_suffix(".toml").name
+    def place(self, key: str, section: str = "columns") -> str:
+        """Returns where a line about the file belongs: the table and file that say it of a channel, or may."""
+        return self.declared.place(Path(self.table.path), section, key)
 
     @property
     def units(self) -> dict[str, str]:
@@ -96,12 +105,10 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
         for channel in CHANNELS
         if channel not in columns
         and channel not in left_out
-        and (column := near_column(channel, (*extras, *no_numbers)))
+        and (column := near_column(channel, (*extras, *no_numbers), table.told))
     }
-    whole = Channels(table, columns, 0, raw, {}, extras, tuple(notes), near, left_out)
-    check_finite(whole.error, "t", times)
-    check_times(whole.error, times, columns["t"])
-    channels = trim(path, whole, declared)
+    every = np.arange(times.size)
+    channels = trim(path, Channels(table, columns, every, raw, {}, extras, tuple(notes), near, left_out, declared))
     for name, values in channels.values.items():
         check_finite(channels.error, name, values)
         check_size(channels.error, name, values, columns[name])
@@ -133,7 +140,7 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
             continue
         names = [*table.columns, *table.faulty]
         if channel not in declared.columns:
-            column = header_column(table, channel, names) or column
+            column = header_column(table, channel, names, declared) or column
         if column.name in table.clocks and channel != "t":
             raise table.clocks[column.name]
         if column.name in table.faulty:
@@ -154,17 +161,17 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
         if name in faulty:
             raise error
     if "t" not in columns:
-        raise no_time(path, table)
+        raise no_time(path, table, declared)
     if columns["t"].name in table.clocks and (columns["t"].unit, columns["t"].scale) != ("s", None):
         raise InputError(
             f"{table.header}, column {cut(columns['t'].name)}: times of day are read as seconds from the first row;"
-            f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under [columns] in"
-            f" {path.with_suffix('.toml').name}"
+            f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under"
+            f" {declared.place(path, key='t')}"
         )
     return columns
 
 
-def header_column(table: Table, channel: str, names: list[str]) -> Column | None:
+def header_column(table: Table, channel: str, names: list[str], declared: Sidecar) -> Column | None:
     """Returns the column that a header gives a channel by its name, or by name and unit, if there is one.
 
     Raises:
@@ -176,19 +183,21 @@ def header_column(table: Table, channel: str, names: list[str]) -> Column | None
         one, other = (quoted(column.name) for column in found[:2])
         raise InputError(
             f"{table.header}: columns {one} and {other} are both {channel}; delete or rename one, or declare"
-            f" {found[0].line(channel)} under [columns] in {Path(table.path).with_suffix('.toml').name}"
+            f" {found[0].line(channel)} under {declared.place(Path(table.path), key=channel)}"
         )
     return found[0] if found else None
 
 
-def no_time(path: Path, table: Table) -> InputError:
+def no_time(path: Path, table: Table, declared: Sidecar) -> InputError:
     """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
     names = [*table.columns, *table.faulty]
     if names:
-        meant = near_column("t", names)
+        meant = near_column("t", names, table.told)
+        if meant is not None and meant.name in table.columns and meant.name not in table.clocks:
+            meant = in_unit_of_log(meant, table.columns[meant.name])
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
-        sidecar = path.with_suffix(".toml").name
-        found, remedy = listed(map(quoted, names)), f"rename one, or declare {line} under [columns] in {sidecar}"
+        found, place = listed(map(quoted, names)), declared.place(path, key="t")
+        remedy = f"rename one, or declare {line} under {place}"
         return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
     held = (
         ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"
@@ -217,33 +226,62 @@ def unwrap(channels: Channels) -> Channels:
     return replace(channels, values=values, notes=(*channels.notes, note))
 
 
-def trim(path: Path, channels: Channels, declared: Sidecar) -> Channels:
-    """Returns the rows within the declared times; they must be enough for a recording."""
-    times = channels.values["t"]
-    first = int(np.searchsorted(times, declared.start))
-    last = int(np.searchsorted(times, declared.stop, side="right"))
-    count = last - first
-    if count < LEAST_SAMPLES:
+def in_nearest_turn(channels: Channels) -> Channels:
+    """Returns the channels with the angle in that of all turns in which it hangs near 0 for the longest time.
+
+    Recordings of one rig then agree, in whichever turn their sensor, or their cut, began.
+    """
+    psi = channels.values.get("psi")
+    hangs = np.zeros(0) if psi is None else np.round(psi[np.cos(psi) > 0] / TURN)
+    if psi is None or not hangs.any():
+        return channels
+    turns, rows = np.unique(hangs, return_counts=True)
+    return replace(channels, values=channels.values | {"psi": psi - turns[rows.argmax()] * TURN})
+
+
+def trim(path: Path, channels: Channels) -> Channels:
+    """Returns the rows within the declared times, without those that have the time of the row above.
+
+    Raises:
+        InputError: their times do not increase, or they are not enough for a recording.
+    """
+    times, declared = channels.values["t"], channels.declared
+    within = np.flatnonzero((times >= declared.start) & (times <= declared.stop))
+    first = 0 if declared.start == -np.inf else int(within[0]) if within.size else times.size
+    last = times.size if declared.stop == np.inf else int(within[-1]) + 1 if within.size else first
+    inside = replace(channels, rows=channels.rows[first:last])
+    check_finite(inside.error, "t", times[first:last])
+    check_times(inside.error, times[first:last], channels.columns["t"])
+    again = np.concatenate([[False], times[1:] == times[:-1]])
+    rows = first + np.flatnonzero(~again[first:last])
+    if rows.size < LEAST_SAMPLES:
         if times.size < LEAST_SAMPLES:
             remedy = "record for longer or more often"
         else:
             remedy = f"the file runs from {times[0]:g} to {times[-1]:g} s: widen [trim] in {declared.source}"
-        raise InputError(f"{path}: {count} samples, at least {LEAST_SAMPLES} are needed; {remedy}")
+        raise InputError(f"{path}: {rows.size} samples, at least {LEAST_SAMPLES} are needed; {remedy}")
     notes = channels.notes
-    if count < times.size:
-        notes = (*notes, f"Of {times.size} rows, {count} lie within the declared [trim].")
+    if last - first < times.size:
+        notes = (*notes, f"Of {times.size} rows, {last - first} lie within the declared [trim].")
+    if rows.size < last - first:
+        row = channels.table.row_numbers[first + again[first:last].argmax()]
+        many = "row has" if rows.size == last - first - 1 else "rows have"
+        notes = (*notes, f"{last - first - rows.size} {many} the time of the row above, row {row} the first, left out.")
     return replace(
         channels,
-        first=first,
-        values={name: values[first:last] for name, values in channels.values.items()},
-        earlier=inputs_before(channels, first),
-        extras={name: values[first:last] for name, values in channels.extras.items()},
+        rows=rows,
+        values={name: values[rows] for name, values in channels.values.items()},
+        earlier=inputs_before(channels, np.flatnonzero(~again[:first])),
+        extras={name: values[rows] for name, values in channels.extras.items()},
         notes=notes,
     )
 
 
-def inputs_before(channels: Channels, row: int) -> dict[str, np.ndarray]:
-    """Returns time and inputs of the rows before one, back to the last in which something is no number, or no input."""
-    found = {name: values[:row] for name, values in channels.values.items() if name in ("t", *INPUTS)}
-    bad = np.flatnonzero(~np.all([np.abs(values) <= LARGEST for values in found.values()], axis=0))
-    return {name: values[bad[-1] + 1 if bad.size else 0 :] for name, values in found.items()}
+def inputs_before(channels: Channels, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Returns time and inputs of the given rows, back to the last in which something is no number or no input, or at
+    which the time falls."""
+    found = {name: values[rows] for name, values in channels.values.items() if name in ("t", *INPUTS)}
+    good = np.all([np.abs(values) <= LARGEST for values in found.values()], axis=0)
+    falls = np.flatnonzero(~(found["t"][1:] > found["t"][:-1]))
+    bad = max([-1, *np.flatnonzero(~good)[-1:], *falls[-1:]])
+    return {name: values[bad + 1 :] for name, values in found.items()}

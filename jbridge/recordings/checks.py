@@ -75,34 +75,38 @@ def from_its_start(column: Column, times: np.ndarray) -> Column:
 
 
 def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
-    """Raises the InputError for the first time that does not come after the one before, by a microsecond or more.
+    """Raises the InputError for the first time that comes before the one above, or less than a microsecond after it.
+
+    Two rows of one time come from a coarse clock; many of them are an error, too.
 
     Args:
         refuse: makes the error.
         times: of the rows [s].
         column: that they were read from.
     """
-    bad = np.diff(times) < SHORTEST
-    if bad.any():
-        sample = int(bad.argmax()) + 1
-        now, before = times[sample], times[sample - 1]
-        often = why_often(np.diff(times), column)
-        if often:
-            raise refuse(sample, "t", often)
-        if now > before:
-            raise refuse(
-                sample,
-                "t",
-                f"{now - before:.3g} s after the row above, less than a microsecond; delete one of the rows, or declare"
-                ' the unit under [columns]: t = {column = "...", unit = "..."}',
-            )
-        what = "is the same as" if now == before else "comes before that of"
+    steps = np.diff(times)
+    bad = (steps < SHORTEST) & (steps != 0)
+    often = why_often(steps, column) if (steps < SHORTEST).any() else ""
+    if often:
+        raise refuse(int((steps < SHORTEST).argmax()) + 1, "t", often)
+    if not bad.any():
+        return
+    sample, count = int(bad.argmax()) + 1, int(np.count_nonzero(bad))
+    now, before = times[sample], times[sample - 1]
+    more = f", and so in {count} rows" if count > 1 else ""
+    if now > before:
         raise refuse(
             sample,
             "t",
-            f"time must increase, but {now!s} s {what} the row above ({before!s} s);"
-            " delete repeated rows, and keep one run in a file",
+            f"{now - before:.3g} s after the row above, less than a microsecond{more}; delete one of the rows, or"
+            ' declare the unit under [columns]: t = {column = "...", unit = "..."}',
         )
+    raise refuse(
+        sample,
+        "t",
+        f"time must increase, but {now!s} s comes before that of the row above ({before!s} s){more}; keep one run in a"
+        " file",
+    )
 
 
 def with_longer_unit(column: Column, step: float) -> Column | None:
@@ -115,6 +119,21 @@ def with_longer_unit(column: Column, step: float) -> Column | None:
     longer = [unit for unit, each in steps.items() if FASTEST <= each <= SLOWEST]
     unit = min(longer, key=lambda unit: abs(np.log(steps[unit] / USUAL)), default=None)
     return None if unit is None else replace(column, unit=unit)
+
+
+def in_unit_of_log(column: Column, raw: np.ndarray) -> Column:
+    """Returns the column of a time in the unit in which rows come as often as in a log, where its own makes none.
+
+    Args:
+        column: of the time.
+        raw: its numbers, as the file has them.
+    """
+    raw = raw[np.isfinite(raw)]
+    step = float(np.median(np.abs(np.diff(raw)))) * UNITS["t"][column.unit] if raw.size > 1 else 0.0
+    if step > SLOWEST and column.unit == "s":
+        return replace(column, unit="ms" if 1e-3 * step <= SLOWEST else "us")
+    longer = with_longer_unit(column, step) if 0 < step < FASTEST else None
+    return longer or column
 
 
 def why_often(steps: np.ndarray, column: Column) -> str:

@@ -9,6 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+FAST = 1.5
+"""Counts above which a step tells a speed."""
+GROWS = 2.0
+"""Second step of a motion over its first one: 3 from rest at one acceleration, 2.1 where the drive lags by a row."""
 LEAST = 4.0
 """Travel that repeats missed, over the usual change from one step to the next, from which on it is no flicker."""
 
@@ -16,10 +20,12 @@ LEAST = 4.0
 def lost_rows(times: NDArray[np.float64], values: NDArray[np.float64], resolution: float) -> NDArray[np.bool_]:
     """Says which rows of a channel hold another row's value.
 
-    Rows are lost if the value stands still between two steps in one direction, although at the speed of the slower
-    step it would have moved by far more than steps usually differ from one to the next, and if the faster step makes
-    up for that travel, by half of it at least and twice of it at most. Where the faster step comes first, the rows were
-    filled with the value after them and the last of them is a measurement; where it comes last, the first of them is.
+    Rows are lost if the value stands still between two steps in one direction, of more than a count, although at the
+    speed of the slower step it would have moved by far more than steps usually differ from one to the next, and if the
+    faster step, the jump, makes up for that travel, by half of it at least and twice of it at most, and does not come
+    back. It is one step: where a motion begins after a rest, or ends before one, steps grow away from the rest. Where
+    the jump comes first, the rows were filled with the value after them and the last of them is a measurement; where it
+    comes last, the first of them is.
 
     Args:
         times: of the rows [s], shape (n,).
@@ -31,20 +37,29 @@ def lost_rows(times: NDArray[np.float64], values: NDArray[np.float64], resolutio
     """
     lost = np.zeros(times.size, bool)
     starts = np.flatnonzero(np.diff(values)) + 1
-    first, last = starts[:-1], starts[1:] - 1
-    before, after = values[first] - values[first - 1], values[last + 1] - values[last]
-    rows_before, rows_after = times[first] - times[first - 1], times[last + 1] - times[last]
-    speed_before, speed_after = np.abs(before) / rows_before, np.abs(after) / rows_after
-    slower = np.minimum(speed_before, speed_after)
-    missed = slower * (times[last] - times[first])
-    comes_first = speed_before > speed_after
-    extra = np.where(comes_first, np.abs(before) - slower * rows_before, np.abs(after) - slower * rows_after)
-    usual = max(resolution, float(np.median(np.abs(np.diff(values, 2)))) if values.size > 2 else 0.0)
-    found = (before * after > 0) & (last > first) & (missed >= LEAST * usual)
-    found &= (extra >= 0.5 * missed) & (extra <= 2.0 * missed)
-    for begin, end, first_step_is_faster in zip(first[found], last[found], comes_first[found], strict=True):
-        rows = slice(begin, end) if first_step_is_faster else slice(begin + 1, end + 1)
-        lost[rows] = True
+    if starts.size < 2:
+        return lost
+    sizes, took = np.abs(values[starts] - values[starts - 1]), times[starts] - times[starts - 1]
+    speeds = sizes / took
+    before, after = np.arange(starts.size - 1), np.arange(1, starts.size)
+    first, last = starts[before], starts[after] - 1
+    comes_first = speeds[before] > speeds[after]
+    jump, other = np.where(comes_first, (before, after), (after, before))
+    beyond = np.clip(np.where(comes_first, before - 1, after + 1), 0, starts.size - 1)  # at an end, the jump itself
+    missed = speeds[other] * (times[last] - times[first])
+    extra = sizes[jump] - speeds[other] * took[jump]
+    usual = max(resolution, float(np.median(np.abs(np.diff(values, 2)))))
+    # Values may be finer than the count that is declared. A step of one count is no measure of a speed.
+    count = min(resolution, float(np.quantile(sizes, 0.05)))
+    way = np.sign(values[starts] - values[starts - 1])
+    found = (way[before] == way[after]) & (last > first) & (sizes[other] > FAST * count)
+    found &= (missed >= LEAST * usual) & (extra <= 2.0 * missed)
+    returns = way[beyond] != way[jump]
+    found &= extra - np.where(returns, sizes[beyond], 0.0) >= 0.5 * missed
+    found &= returns | (speeds[beyond] < GROWS * speeds[jump])
+    for begin, end, jump_first in zip(first[found], last[found], comes_first[found], strict=True):
+        lost[begin:end] |= jump_first
+        lost[begin + 1 : end + 1] |= not jump_first
     return lost
 
 

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from jbridge.errors import InputError
-from jbridge.recordings.channels import Channels, read_channels
+from jbridge.recordings.channels import Channels, in_nearest_turn, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains
+from jbridge.recordings.plausibility.inputs import shared_columns, stale_notes, unlogged_inputs
 from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import (
@@ -201,10 +202,11 @@ def make_reading(
     """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
     channels = read_channels(path, table, declared)
     has_lock = declared.locked is not None
-    for doubt in (*doubtful_names(channels, has_lock), *(() if inputs_only else doubtful_absence(channels, has_lock))):
+    absent = () if inputs_only else doubtful_absence(channels, has_lock)
+    for doubt in (*doubtful_names(channels, has_lock), *absent, *shared_columns(channels)):
         tell(doubt)
     parts = find_parts(path, channels, declared, inputs_only)
-    times, values = channels.values["t"], channels.values
+    times = channels.values["t"]
     of_units = [
         *doubtful_units(channels),
         *doubtful_angle(channels, parts.locked_length),
@@ -212,6 +214,8 @@ def make_reading(
     ]
     for doubt in of_units:
         tell(doubt)
+    channels = channels if of_units else in_nearest_turn(channels)
+    values = channels.values
     measured = {name: values[name] for name in MEASURED if name in values}
     resolution = {
         name: declared.resolution[name] if name in declared.resolution else estimate_resolution(samples)
@@ -229,7 +233,8 @@ def make_reading(
     fresh |= {name: ~rows for name, rows in lost.items()}
     samples = {name: (times[rows], measured[name][rows]) for name, rows in fresh.items()}
     if not of_units:
-        for doubt in doubtful_signs(channels, samples, parts.locked_length):
+        length = parts.locked_length
+        for doubt in (*doubtful_signs(channels, samples, length), *unlogged_inputs(channels, samples, length)):
             tell(doubt)
     arrays: dict[str, Any] = {
         name: read_only(values[name]) if name in values and name not in parts.unused else None
@@ -252,6 +257,7 @@ def make_reading(
             *describe(channels, declared, resolution, holds),
             *lost_notes(times, lost),
             *sensor_notes(channels, samples, resolution, holds, parts.locked_length),
+            *stale_notes(channels, samples, resolution),
         ),
         earlier=Commands(
             read_only(before["t"]),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jbridge.errors import InputError
+from jbridge.errors import InputError, listed, quoted
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.sidecar import Sidecar
 from jbridge.recordings.tables.columns import Column, plain_column
@@ -38,16 +38,15 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
         InputError: where channels contradict each other, or where one is missing.
     """
     values, header = channels.values, channels.table.header
-    sidecar_name = path.with_suffix(".toml").name
     notes: list[str] = []
     unused: set[str] = set()
     if "x" in values and "u_x" not in values:
         raise InputError(
             f"{header}: a column x but no u_x; add the input of the cart's drive (zeros if the motor was off)"
-            f", or declare {line_for('u_x', channels)} under [columns] in {sidecar_name}"
+            f", or declare {line_for('u_x', channels)} under {channels.place('u_x')}"
         )
     if not inputs_only:
-        require_measurement(header, values)
+        require_measurement(header, channels)
         if "u_x" in values and "x" not in values:
             unused.add("u_x")
             notes.append("There is no x, so the load is taken to hang from a fixed point and u_x is not used.")
@@ -62,7 +61,7 @@ def find_parts(path: Path, channels: Channels, declared: Sidecar, inputs_only: b
     elif "u_l" in values and "l" not in values and not inputs_only:
         raise InputError(
             f"{header}: a column u_l but no l; add the rope length, or declare {line_for('l', channels)}"
-            f" under [columns] in {sidecar_name}; if the rope was locked, declare u_l = false there, and its length in"
+            f" under {channels.place('l')}; if the rope was locked, declare u_l = false there, and its length in"
             " m, such as l = 0.7, under [locked]"
         )
     if "u_l" in values and "u_l" not in unused:
@@ -77,9 +76,12 @@ def line_for(channel: str, channels: Channels) -> str:
     return column.line(channel)
 
 
-def require_measurement(header: str, values: dict[str, np.ndarray]) -> None:
+def require_measurement(header: str, channels: Channels) -> None:
+    """Refuses a recording in which nothing is measured, with the columns that it has instead."""
+    values = channels.values
     if not values.keys() & {"x", "psi", "l"}:
-        raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l)")
+        others = f"; columns not used are {listed(map(quoted, channels.extras))}" if channels.extras else ""
+        raise InputError(f"{header}: nothing measured; add a column x (with u_x), psi, or l (with u_l){others}")
     if not values.keys() & {"x", "psi", "u_l"}:
         raise InputError(f"{header}: a rope length l, but nothing that moves; add u_l for a hoist, or psi for a swing")
 
@@ -94,8 +96,8 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
             int(np.abs(length - middle).argmax()),
             "l",
             f"without u_l the rope is locked, but its length varies by {np.ptp(length) * 1000:.0f} mm, over"
-            f" {MOST_MOTION * 1000:.0f}; declare the hoist's input, {line_for('u_l', channels)}, under [columns] in"
-            f" {path.with_suffix('.toml').name}, or l = false there, and the rope's length in m, such as"
+            f" {MOST_MOTION * 1000:.0f}; declare the hoist's input, {line_for('u_l', channels)}, under"
+            f" {channels.place('u_l')}, or l = false there, and the rope's length in m, such as"
             " l = 0.7, under [locked]",
         )
     load = "psi" in values or length is not None
@@ -116,6 +118,6 @@ def locked_length(path: Path, channels: Channels, declared: Sidecar, inputs_only
     if "psi" in values:
         raise InputError(
             f"{channels.table.header}: psi without l and u_l means a locked rope of unknown length; declare it, from"
-            f" pivot to load centre in m, such as l = 0.7, under [locked] in {path.with_suffix('.toml').name}"
+            f" pivot to load centre in m, such as l = 0.7, under {channels.place('l', 'locked')}"
         )
     return None, ""

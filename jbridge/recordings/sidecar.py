@@ -48,6 +48,12 @@ class Sidecar:
 
     source: str = ""
     """Where they stand: the file and, in a folder's file, the table."""
+    lines: str = ""
+    """The nearest of these tables, as in `["*.csv".*] in recordings.toml`; nothing without one."""
+    places: Mapping[str, str] = field(default_factory=dict)
+    """The same of the table that says it, by declared channel."""
+    elsewhere: frozenset[tuple[str, str]] = frozenset()
+    """Sections and keys in the tables of other recordings of the folder."""
     columns: Mapping[str, Column | None] = field(default_factory=dict)
     """Column of each declared channel; None where the file's column of that name is to be left out."""
     hold: Mapping[str, bool] = field(default_factory=dict)
@@ -69,11 +75,28 @@ class Sidecar:
         """Returns the column of a channel: the declared one, else the one of its name in SI units."""
         return self.columns[channel] if channel in self.columns else plain_column(channel)
 
+    def place(self, path: Path, section: str = "columns", key: str = "") -> str:
+        """Returns where a line for a recording belongs: into the table that says it, else into the nearest one.
+
+        Times of [trim] are of one recording. Where tables of other recordings say the same of a channel, a table of its
+        own contradicts none of them.
+        """
+        lines = self.places.get(key) if section == "columns" else ""
+        pattern = section == "trim" and self.lines.startswith('["')
+        if not lines and (pattern or (section, key) in self.elsewhere):
+            lines = f'["{path.name}".*] in {FOLDER_FILE}'
+        lines = lines or self.lines or f"[*] in {path.with_suffix('.toml').name}"
+        before, _, after = lines.rpartition("*] in ")
+        return f"{before}{section}] in {after}"
+
     def over(self, other: "Sidecar") -> "Sidecar":
         """Returns both together; where both declare the same, this one counts."""
         nothing = Sidecar()
         return Sidecar(
             source=" and ".join(filter(None, (other.source, self.source))),
+            lines=self.lines or other.lines,
+            places={**other.places, **self.places},
+            elsewhere=self.elsewhere | other.elsewhere,
             columns={**other.columns, **self.columns},
             hold={**other.hold, **self.hold},
             resolution={**other.resolution, **self.resolution},
@@ -102,9 +125,10 @@ def find_sidecar(path: Path, given: Path | None = None) -> Sidecar:
         document = read_tables(file, "sidecar")
         whole = given is not None or file == own
         if whole and not is_folder_file(file, document):
-            layers = [(Where(str(file)), document)]
+            layers = [(Where(str(file), f"[*] in {file.name}"), document)]
         else:
             layers = tables_for(path, file, document)
+            found = Sidecar(elsewhere=said_elsewhere(path, document)).over(found)
         for layer in layers:
             found = parse_sidecar(*layer).over(found)
     return found
@@ -129,10 +153,17 @@ def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[
             raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
     patterns = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
     own = [path.name] if path.name in document else []
-    fitting = {key: Where(f'{file}, table "{key}"') for key in (*patterns, *own)}
+    fitting = {key: Where(f'{file}, table "{key}"', f'["{key}".*] in {file.name}') for key in (*patterns, *own)}
     tables = {key: where.table(document, key) for key, where in fitting.items()}
     refuse_contradictions(path, file, {key: tables[key] for key in patterns})
     return [(where, tables[key]) for key, where in fitting.items()]
+
+
+def said_elsewhere(path: Path, document: Mapping[str, object]) -> frozenset[tuple[str, str]]:
+    """Returns the sections and keys in those tables of a folder's file that do not fit a recording."""
+    others = [table for name, table in document.items() if not fnmatchcase(path.name, name) and name != path.name]
+    sections = [item for table in others if isinstance(table, dict) for item in table.items()]
+    return frozenset((section, key) for section, said in sections if isinstance(said, dict) for key in said)
 
 
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:
@@ -154,6 +185,8 @@ class Where:
     """A place in a TOML file; takes values out of its table and refuses what does not fit."""
 
     place: str
+    lines: str = ""
+    """Where lines of its tables belong, as `Sidecar.lines` has it."""
 
     def error(self, problem: str) -> InputError:
         return InputError(f"{self.place}: {problem}")
@@ -216,9 +249,12 @@ def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
     override_where, override_table = tables["override"]
     initial_where, initial_table = tables["initial"]
     resolution_where, resolution_table = tables["resolution"]
+    columns = dict(parse_columns(*tables["columns"]))
     return Sidecar(
         source=where.place,
-        columns=dict(parse_columns(*tables["columns"])),
+        lines=where.lines,
+        places=dict.fromkeys(columns, where.lines),
+        columns=columns,
         hold=parse_flags(hold_where, hold_table),
         resolution=resolution_where.numbers(resolution_table, MEASURED, positive=MEASURED),
         override=override_where.numbers(override_table, PARAMETERS, positive=POSITIVE, not_negative=NOT_NEGATIVE),

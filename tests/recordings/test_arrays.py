@@ -125,7 +125,7 @@ def changed(**new):
 REFUSED = {
     "NaN": (spoilt("x", 11, np.nan), r"^tuesday, row 11, column x: the value is NaN; delete the row"),
     "infinite": (spoilt("u_x", 0, np.inf), r"^tuesday, row 0, column u_x: the value is infinite"),
-    "time stands still": (spoilt("t", 5, 0.02), r"^tuesday, row 5, column t: time must increase"),
+    "time falls": (spoilt("t", 5, 0.01), r"^tuesday, row 5, column t: time must increase"),
     "millimetres": (changed(x=np.full(400, 2e6)), r"^tuesday, row 0, column x: .*declare its unit"),
     "lengths": (changed(x=np.zeros(399)), r"^tuesday, column x: 399 values, but t has 400"),
     "a matrix": (changed(x=np.zeros((400, 2))), r"^tuesday, column x: an array of shape \(400, 2\), where a vector"),

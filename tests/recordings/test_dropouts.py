@@ -49,6 +49,31 @@ def test_a_cart_that_slows_down_and_starts_again_has_lost_nothing():
     assert not lost_rows(np.arange(3000) * 0.005, np.round(np.cumsum(speed)) * COUNT, COUNT).any()
 
 
+@pytest.mark.parametrize("creep", [(2, 1, 1, 1), (0, 1, 0, 1), (5, 3, 2, 1)])
+@pytest.mark.parametrize("rows", [10, 14, 18])
+def test_a_cart_that_rests_and_is_driven_away_has_lost_nothing(creep, rows):
+    """It comes to rest by single counts; its speed grows from the first step on, so that none is a jump."""
+    steps = np.tile([*creep, *([0] * rows), 9, 17, 26, 32, 36, 30, 20, 10, 5], 20)
+    for way in (1, -1):
+        counted = np.cumsum(way * steps) * COUNT
+        assert not lost_rows(np.arange(counted.size) * 0.02, counted, COUNT).any()
+        assert not lost_rows(np.arange(counted.size) * 0.02, -counted[::-1], COUNT).any()
+
+
+def test_a_wiper_that_leaps_and_falls_back_has_lost_nothing():
+    """A potentiometer that moves slowly gives plateaus and spikes, after which it comes back."""
+    steps = np.tile([0, 0, 0, 1, 0, 0, 0, 0, 5, -4, 0, 0, 0, 1], 200)
+    assert not lost_rows(np.arange(steps.size) * 0.001, np.cumsum(steps) * COUNT, COUNT).any()
+
+
+def test_a_row_that_comes_again_at_once_is_found():
+    """The stamps of the two lie close together, so that the speed shows the jump and its size does not."""
+    times = np.sort(np.append(np.arange(500) * 0.01, 2.9998))
+    values = 0.3 * times
+    values[300] = values[299]
+    np.testing.assert_array_equal(np.flatnonzero(lost_rows(times, values, 0.0)), [300])
+
+
 def test_lost_rows_are_said_and_are_no_measurements(write, columns):
     rows = slice(200, 204)
     for name in ("x", "l"):

@@ -90,3 +90,57 @@ def test_clean_files_are_not_read_cell_by_cell(write, columns, monkeypatch, quot
     path = write(columns)
     path.write_text(re.sub(r"[^,\n]+", rf"{quote}\g<0>{quote}", path.read_text()))
     np.testing.assert_array_equal(load_recording(path).x, columns["x"])
+
+
+def test_the_first_of_two_rows_of_one_time_is_kept(write, columns):
+    """A clock of milliseconds beside a quicker logger: the rows differ in all but the time."""
+    coarse = {name: values.copy() for name, values in columns.items()}
+    for row in (80, 200, 201):
+        coarse["t"][row] = coarse["t"][row - 1]
+    recording = load_recording(write(coarse))
+    kept = np.delete(np.arange(400), [80, 200, 201])
+    for name in ("x", "psi", "l", "u_x"):
+        np.testing.assert_array_equal(getattr(recording, name), columns[name][kept])
+    assert "3 rows have the time of the row above, row 82 the first, left out." in recording.notes
+
+
+def test_a_refusal_behind_such_rows_names_the_row_of_the_file(write, columns, refusal):
+    columns["t"], columns["x"] = columns["t"].copy(), columns["x"].copy()
+    columns["t"][80] = columns["t"][79]
+    columns["x"][100] = np.nan
+    assert "row 102, column x" in refusal(write(columns))
+
+
+@pytest.mark.parametrize("outside", [np.nan, 0.3, 0.302, -5.0, 1e9])
+def test_times_outside_the_trim_refuse_nothing(write, columns, outside):
+    """The clock may stand still, start again or miss there; inputs are known back to there."""
+    columns["t"] = columns["t"].copy()
+    columns["t"][61:64] = outside
+    columns["t"][390:] = outside
+    recording = load_recording(write(columns, "[trim]\nstart = 0.4975\nstop = 1.9025\n"))
+    np.testing.assert_array_equal(recording.times, columns["t"][100:381])
+    assert recording.earlier is not None
+    assert np.all(np.diff(recording.earlier.times) > 0)
+    assert recording.earlier.times[-1] == columns["t"][99]
+
+
+def test_a_clock_that_starts_again_within_the_trim_is_refused(write, columns, refusal):
+    columns["t"] = columns["t"].copy()
+    columns["t"][200:] -= 0.8
+    assert "comes before" in refusal(write(columns, "[trim]\nstart = 0.3\nstop = 1.1\n"))
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.02, 3.1, -3.13])
+@pytest.mark.parametrize("start", [0, 130, 260])
+def test_the_load_hangs_at_one_angle_in_all_recordings(write, columns, zero, start):
+    """A sensor that starts again at each turn, wherever its zero is, and wherever the recording begins."""
+    read = (columns["psi"] * 4 + zero + np.pi) % (2 * np.pi) - np.pi
+    cut = {name: values[start:] for name, values in (columns | {"psi": read}).items()}
+    recording = load_recording(write(cut, f"[columns]\npsi = {{offset = {zero}}}\n"), force=True)
+    np.testing.assert_allclose(recording.psi, 4 * columns["psi"][start:], atol=1e-12)
+
+
+def test_turns_of_a_load_that_goes_over_the_top_stay(write, columns):
+    columns["psi"] = 4 * np.pi + np.linspace(0, 1, 400) ** 8 * 9.0
+    recording = load_recording(write(columns), force=True)
+    np.testing.assert_allclose(recording.psi, columns["psi"] - 4 * np.pi, atol=1e-12)

@@ -8,6 +8,7 @@ import pytest
 
 from experiments.real_rigs import run
 from jbridge.recordings.plausibility.drive import is_input, runs_backwards, unfelt_rows
+from jbridge.recordings.plausibility.inputs import gains_energy
 from jbridge.recordings.plausibility.motion import misread_swing
 from jbridge.recordings.plausibility.signs import is_swapped
 
@@ -73,6 +74,9 @@ def test_right_signs_are_never_doubted_and_wrong_ones_often(mode):
         rope = t[[0, -1]], np.full(2, seen["l"][k])
         assert misread_swing(t, psi, x, rope) is None
         assert not is_swapped(t, psi, x, rope)
+        if mode == "a motor that is off":
+            assert not gains_energy(t, x, psi, rope)
+            assert not gains_energy(t, x, (t, -psi[1]), rope)
         for load in (psi, None):
             assert not runs_backwards(t, u, x, load)
             assert not is_input(t, u, x, load)

@@ -9,6 +9,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import inspect_recordings, load_recording
+from jbridge.report.check import gathered
 
 RECORDED = Path(__file__).parent / "whole_bridge.csv"
 Columns = dict[str, np.ndarray]
@@ -177,10 +178,15 @@ READ = {
         [";" + table(TRUTH, ";").splitlines()[0]]
         + [f"{k};{row}" for k, row in enumerate(table(TRUTH, ";").splitlines()[1:])]
     ),
+    "a title above": edited(lambda n: ["STEP 1: 11 V, no container, hook up", *(row + "," for row in n)]),
+    "lines of text above": edited(lambda n: ["rig 3", "start_time,1015.361712", "omega,1.0,2.0", "", *n]),
+    "a title above units": edited(lambda n: ["monday, rig 3", n[0], ",".join(SI.values()), *n[1:]]),
+    "a title above semicolons": lambda: "Versuch 3, Montag\n2024-03-05\n" + table(TRUTH, ";", comma=True),
     "a comment between": edited(lambda n: [*n[:80], "# the button, twice", *n[80:]]),
     "a header in a comment": edited(lambda n: ["# rig 3", "# " + n[0], *n[1:]]),
     "a separator at the end of each row": edited(lambda n: [row + "," for row in n]),
     "a separator at the end of each row of numbers": edited(lambda n: [n[0], *(row + "," for row in n[1:])]),
+    "a last column that is empty": edited(lambda n: [n[0] + ",note,fit", *(row + ',"a, b, c",' for row in n[1:])]),
     "the row numbers of a data frame": edited(lambda n: ["," + n[0], *(f"{i},{row}" for i, row in enumerate(n[1:]))]),
     "the times of a serial monitor": edited(lambda n: [f"14:03:{i / 100:06.3f} -> {n[i]}" for i in range(len(n))]),
     "times of day over midnight": lambda: with_clock(
@@ -203,6 +209,23 @@ def test_read_right(tmp_path, text):
         np.testing.assert_allclose(getattr(recording, name), TRUTH[name][rows], rtol=1e-12, atol=1e-15)
 
 
+def test_text_above_the_header_is_told(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("rig 3\nomega,2.0\n" + table(TRUTH))
+    assert "2 lines of text above the header, 'rig 3' the first, are left out." in load_recording(path).notes
+
+
+@pytest.mark.parametrize("row", ["button pressed", "on,off,on,off,on,off", "t,u_x,u_l,x,psi,l"])
+def test_text_among_the_numbers_is_refused(tmp_path, row):
+    """Also where as many words as columns stand right below the header."""
+    path = tmp_path / "run.csv"
+    header, *rows = table(TRUTH).splitlines()
+    for place in (0, 1, 300):
+        path.write_text("\n".join([header, *rows[:place], row, *rows[place:]]))
+        with pytest.raises(InputError, match=f"row {place + 2}[:,].* is text"):
+            load_recording(path)
+
+
 @pytest.mark.parametrize(("column", "value"), [("u_x", "60000.0"), ("u_l", "400.0")])
 def test_a_single_wild_input_is_refused(tmp_path, column, value):
     lines = [line.split(",") for line in table(TRUTH).splitlines()]
@@ -222,6 +245,38 @@ def test_all_problems_are_found_at_once(tmp_path):
     path.write_text(table(scaled(u_x=-1.0, u_l=-1.0, psi=-1.0)))
     (inspected,) = inspect_recordings([path])
     assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
+
+
+@pytest.mark.parametrize("names", [("a-1.csv",), ("a-1.csv", "a-2.csv")])
+def test_the_line_belongs_into_the_table_that_declares_the_channel(tmp_path, names):
+    """Another pattern that fits must not say the same, and the line in the place that is named mends it."""
+    folder = tmp_path / "recordings.toml"
+    tables = '["*.csv".columns]\nt = "t"\n\n["a-*.csv".columns]\nx = {column = "way", unit = "m"}\n'
+    folder.write_text(tables)
+    paths = [tmp_path / name for name in names]
+    for path in paths:
+        path.write_text(table(renamed(x="way") | {"way": 1e3 * TRUTH["x"]}))
+    said = gathered(inspect_recordings(paths))
+    assert len(said) == 1
+    line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
+    assert place == '["a-*.csv".columns]'
+    folder.write_text(tables.replace('x = {column = "way", unit = "m"}', line))
+    for path in paths:
+        check(load_recording(path))
+
+
+def test_a_line_contradicts_no_table_of_other_recordings(tmp_path):
+    """`["*.csv".columns]` would say again what `["b.csv".columns]` or a pattern says."""
+    folder, paths = tmp_path / "recordings.toml", [tmp_path / "a-1.csv", tmp_path / "b-1.csv"]
+    folder.write_text('["*.csv".override]\ngravity = 9.8\n\n["b*.csv".columns]\nx = "pos"\n')
+    for path in paths:
+        path.write_text(table(renamed(x="pos")))
+    said = gathered(inspect_recordings(paths))
+    assert len(said) == 1
+    line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
+    folder.write_text(f"{folder.read_text()}\n{place}\n{line}\n")
+    for path in paths:
+        check(load_recording(path))
 
 
 def test_each_file_is_read_once(tmp_path, monkeypatch):

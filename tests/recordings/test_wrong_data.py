@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.recordings import load_recording
+from jbridge.recordings import inspect_recordings, load_recording
 from jbridge.recordings.tables.clock import clock_seconds
 from jbridge.recordings.tables.columns import near_column
 from jbridge.recordings.tables.csv_lines import drop_comments
 from jbridge.recordings.tables.csv_table import read_csv
+from tests.recordings.conftest import as_text
 
 
 def read(tmp_path, text):
@@ -200,6 +201,34 @@ def test_a_motors_encoder_is_no_input():
     assert found is not None and found.name == "motor_voltage"
 
 
+@pytest.mark.parametrize(
+    ("channel", "names", "told", "line"),
+    [
+        ("x", ["positionn", "position_raw", "position_meas", "position"], {}, 'column = "position", unit = "m"'),
+        ("psi", ["angle_raw", "angle_deg"], {}, 'column = "angle_deg", unit = "deg"'),
+        ("psi", ["angle_raw"], {}, 'column = "angle_raw", unit = "count", scale = ...'),
+        ("x", ["raw position [mm]"], {}, 'column = "raw position [mm]", unit = "mm"'),
+        ("x", ["position"], {"position": "mm"}, 'column = "position", unit = "mm"'),
+        ("psi", ["angle"], {"angle": "degrees"}, 'column = "angle", unit = "deg"'),
+        ("psi", ["angle"], {"angle": "mm"}, 'column = "angle", unit = "rad"'),
+    ],
+)
+def test_the_best_of_several_columns_is_offered(channel, names, told, line):
+    found = near_column(channel, names, told)
+    assert found is not None
+    assert found.line(channel) == f"{channel} = {{{line}}}"
+
+
+def test_a_comment_says_the_unit_that_is_offered(write, columns):
+    columns["position"], columns["position_raw"] = 1e3 * columns["x"], np.round(1e4 * columns["x"])
+    columns["angle"] = np.rad2deg(columns["psi"])
+    del columns["x"], columns["psi"]
+    comments = "# rig 3: fine\n# position_raw\n# position: mm\n// angle [deg]\n# t = s\n"
+    (inspected,) = inspect_recordings([write(comments + as_text(columns))])
+    assert 'declare x = {column = "position", unit = "mm"}' in inspected.problems[0]
+    assert 'declare psi = {column = "angle", unit = "deg"}' in inspected.problems[1]
+
+
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):
     with pytest.raises(InputError, match=r"column theta: not used, and there is no psi"):
         recording_of(tmp_path, "t,x,l,theta", ["1"] * 399 + ["#N/A"], "")
@@ -246,3 +275,18 @@ def test_times_that_no_unit_mends_are_doubted(tmp_path):
     with pytest.raises(InputError, match="column t: a row every 1e-05 s is more often"):
         load_recording(path)
     assert load_recording(path, force=True).times.size == 400
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1.0 / 86400, "day")])
+def test_a_time_is_offered_in_the_unit_that_its_steps_tell(write, columns, factor, unit):
+    columns["time"] = columns.pop("t") * factor
+    (inspected,) = inspect_recordings([write(columns)])
+    assert f'declare t = {{column = "time", unit = "{unit}"}}' in inspected.problems[0]
+
+
+def test_nothing_measured_names_what_is_there(write, columns):
+    (inspected,) = inspect_recordings([write({"t": columns["t"], "y": columns["x"], "w": columns["u_x"]})])
+    assert (
+        "nothing measured; add a column x (with u_x), psi, or l (with u_l); columns not used are 'y', 'w'"
+        in (inspected.problems[0])
+    )

@@ -12,11 +12,6 @@ FORCE = "; --force takes it as it is"
 """What to do if what is doubted is right."""
 
 
-def place(channels: Channels) -> str:
-    """Returns where a line of a sidecar belongs."""
-    return f"under [columns] in {channels.sidecar}"
-
-
 def base_unit(unit: str) -> str:
     """Returns V or A for a unit of voltage or current, so that these are not mixed; nothing for any other unit."""
     return BASE_UNITS.get(unit, unit if unit in BASE_UNITS.values() else "")
@@ -41,7 +36,7 @@ def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0,
         mended = replace(column, unit=min(sizes, key=lambda name: abs(np.log(sizes[name] / size))))
     else:
         mended = replace(column, sign=-column.sign if turned else column.sign)
-    message = f"{what}; declare {mended.line(channel)} {place(channels)}{FORCE}"
+    message = f"{what}; declare {mended.line(channel)} under {channels.place(channel)}{FORCE}"
     if factor != 1:
         values = channels.values[channel]
         return channels.error(int(np.abs(values - np.median(values)).argmax()), channel, message)

@@ -10,7 +10,7 @@ from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.hold import Hold
 from jbridge.recordings.plausibility.motion import CERTAIN, STRETCH, Samples, in_cells, swing_cells
-from jbridge.recordings.plausibility.refusals import FORCE, place
+from jbridge.recordings.plausibility.refusals import FORCE
 from jbridge.recordings.tables.columns import UNITS
 
 ROWS = 5
@@ -42,7 +42,8 @@ def doubtful_silence(channels: Channels) -> Iterator[InputError]:
         name = cut(channels.columns["psi"].name)
         yield InputError(
             f"{channels.table.path}, column {name}: the angle never changes, though the cart moves by"
-            f" {np.ptp(x):.2g} m; if nothing swings or its sensor is dead, declare psi = false {place(channels)}{FORCE}"
+            f" {np.ptp(x):.2g} m; if nothing swings or its sensor is dead, declare psi = false under"
+            f" {channels.place('psi')}{FORCE}"
         )
 
 
@@ -85,7 +86,7 @@ def sensor_notes(
             zero = float(f"{column.offset + column.sign * angle / size:.3g}")
             notes.append(
                 f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
-                f" {replace(column, offset=zero).line('psi')} {place(channels)}."
+                f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
             )
     return notes
 

@@ -17,7 +17,7 @@ from jbridge.recordings.plausibility.motion import (
     swing_cells,
     swing_terms,
 )
-from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
+from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.recording import MEASURED, Recording
 from jbridge.recordings.tables.columns import UNITS
 
@@ -98,7 +98,8 @@ def contradicted_scale(channels: Channels, factor: float) -> InputError:
     ]
     return InputError(
         f"{channels.table.path}, columns {cut(x.name)} and {cut(psi.name)}: the cart moves {far} for the swing of its"
-        f" load; declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, {place(channels)}{FORCE}"
+        f" load; declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, under"
+        f" {places(channels, 'x', 'psi')}{FORCE}"
     )
 
 
@@ -172,6 +173,11 @@ def is_swapped(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> bool:
     return float(np.mean(exchanged**2)) < HOLDS and certainly_better(as_read, exchanged)
 
 
+def places(channels: Channels, *names: str) -> str:
+    """Returns where the lines of several channels belong, in their order; once where it is one place."""
+    return " and ".join(dict.fromkeys(map(channels.place, names)))
+
+
 def exchange(channels: Channels, one: str, other: str) -> InputError:
     """Returns the refusal of two channels that have each other's columns."""
     columns = channels.columns
@@ -181,7 +187,7 @@ def exchange(channels: Channels, one: str, other: str) -> InputError:
     names = " and ".join(cut(columns[channel].name) for channel in (one, other))
     return InputError(
         f"{channels.table.path}, columns {names}: the laws of motion hold with the two exchanged, and not as they are;"
-        f" declare {lines[0]} and {lines[1]} {place(channels)}{FORCE}"
+        f" declare {lines[0]} and {lines[1]} under {places(channels, one, other)}{FORCE}"
     )
 
 

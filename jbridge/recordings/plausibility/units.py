@@ -13,7 +13,7 @@ from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, excess_of_angle, with_longer_unit
 from jbridge.recordings.plausibility.drive import CELL
 from jbridge.recordings.plausibility.motion import swing_cells, swing_terms
-from jbridge.recordings.plausibility.refusals import FORCE, place, refusal
+from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
 
 LONGEST = 20.0
@@ -48,7 +48,8 @@ def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
         if channel in needed:
             yield InputError(
                 f"{channels.table.header}, column {cut(column.name)}: not used, and there is no {channel}; declare"
-                f" {column.line(channel)} {place(channels)}, or {channel} = false if it is something else{FORCE}"
+                f" {column.line(channel)} under {channels.place(channel)}, or {channel} = false if it is something"
+                f" else{FORCE}"
             )
 
 
@@ -71,7 +72,7 @@ def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
             line = replace(plain_column(channel), name=next(iter(channels.extras))).line(channel)
             yield InputError(
                 f"{channels.table.header}: {why}; if it is one of the columns not used, {others}, declare it, such as"
-                f" {line}, {place(channels)}, otherwise {channel} = false{FORCE}"
+                f" {line}, under {channels.place(channel)}, otherwise {channel} = false{FORCE}"
             )
 
 
@@ -115,7 +116,7 @@ def refusal_of_steps(channels: Channels, step: float) -> InputError:
     """Returns the refusal of times that follow each other too closely [s], with the unit that mends it, if one does."""
     column = channels.columns["t"]
     longer = with_longer_unit(column, step)
-    remedy = "give the time in s" if longer is None else f"declare {longer.line('t')} {place(channels)}"
+    remedy = "give the time in s" if longer is None else f"declare {longer.line('t')} under {channels.place('t')}"
     return InputError(
         f"{channels.table.path}, column {cut(column.name)}: a row every {step:.3g} s is more often than any log of a"
         f" rig; {remedy}{FORCE}"

@@ -2,10 +2,11 @@
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import pi
+from types import MappingProxyType
 
 import numpy as np
 
@@ -51,6 +52,8 @@ NEAR = {
 """What others call a channel, in small letters without anything in between."""
 MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encoder", "sensor"}
 """Words that say of a channel's name that it is measured."""
+RAW = {"raw"}
+"""Words among them that say that it is in the sensor's counts."""
 OTHER = {
     "ref",
     "reference",
@@ -95,13 +98,14 @@ class Column:
             return self.sign * size * (raw - self.offset)
 
     def line(self, channel: str) -> str:
-        """Returns the line under `[columns]` of a sidecar that declares it for a channel."""
+        """Returns the line of `[columns]` that declares it for a channel, with `...` for what is open."""
         parts = [f"column = {json.dumps(self.name, ensure_ascii=False)}", f'unit = "{self.unit}"']
         parts += ["sign = -1"] if self.sign < 0 else []
         # Six digits tell a reading, but neither a time of day nor the middle of a counter of many bits.
         digits = ".6g" if channel != "t" and abs(self.offset) < 1e5 else ".16g"
         parts += [f"offset = {self.offset:{digits}}"] if self.offset else []
-        parts += [f"scale = {self.scale:g}"] if self.scale is not None else []
+        counted = self.unit == "count" and channel not in GAINS
+        parts += [f"scale = {self.scale:g}"] if self.scale is not None else ["scale = ..."] if counted else []
         parts += [f"radius = {self.radius:g}"] if self.radius is not None else []
         return f"{channel} = {{{', '.join(parts)}}}"
 
@@ -140,26 +144,41 @@ def labelled_columns(channel: str, names: Iterable[str]) -> list[Column]:
     return found
 
 
-def near_column(channel: str, names: Iterable[str]) -> Column | None:
+def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = MappingProxyType({})) -> Column | None:
     """Returns a column that is probably meant for a channel by its name, with the unit that the name gives.
 
-    >>> near_column("psi", ["t", "x_ref", "Theta (deg)"])
+    A name that is the channel's comes before one that says besides how it is measured, then come raw readings, which
+    are counts unless a unit is given, and slips of the keyboard are last.
+
+    Args:
+        channel: that is missing.
+        names: of the columns.
+        told: units that the file gives elsewhere, by the name of the column.
+
+    >>> near_column("psi", ["t", "x_ref", "angle_raw", "Theta (deg)"])
     Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None)
     """
+    found: list[tuple[int, Column]] = []
     for name in names:
         words = re.findall(r"[^\W\d_]+|%|°", name.replace("m/s", "velocity").lower())
         if not words or not OTHER.isdisjoint(words):
             continue
         unit = SPELLINGS.get(words[-1], words[-1])
-        told = unit in UNITS[channel]
-        bare = words[:-1] if told and len(words) > 1 else words
-        if not channel.startswith("u_"):
-            bare = [word for word in bare if word not in MEASURED_AS] or bare
-        if is_near("".join(bare), NEAR[channel]):
-            return Column(name, unit if told else plain_column(channel).unit)
-    return None
-
-
-def is_near(word: str, known: tuple[str, ...]) -> bool:
-    """Says whether a word is one of those known, slips of the keyboard aside in those of five letters and more."""
-    return word in known or bool(get_close_matches(word, [k for k in known if len(k) > 4], 1, 0.83))
+        named = unit in UNITS[channel]
+        whole = words[:-1] if named and len(words) > 1 else words
+        known, measured = NEAR[channel], not channel.startswith("u_")
+        bare = [word for word in whole if word not in MEASURED_AS] or whole if measured else whole
+        raw = measured and not RAW.isdisjoint(whole)
+        if "".join(whole) in known:
+            rank = 0
+        elif "".join(bare) in known:
+            rank = 2 if raw else 1
+        elif get_close_matches("".join(bare), [word for word in known if len(word) > 4], 1, 0.83):
+            rank = 3  # a slip of the keyboard in a word of five letters or more
+        else:
+            continue
+        if not named:
+            said = SPELLINGS.get(told.get(name, "").lower(), told.get(name, ""))
+            unit = said if said in UNITS[channel] else "count" if raw else plain_column(channel).unit
+        found.append((rank, Column(name, unit)))
+    return min(found, key=lambda each: each[0], default=(0, None))[1]

@@ -16,12 +16,18 @@ COMMENT = re.compile(r"\s*(?:[#%]|//)")
 """Start of a line of comment, and of what a spreadsheet writes for an error in a formula."""
 SEMICOLON = re.compile(r"\s*;")
 """Start of a line of comment, too, where semicolons do not separate columns."""
+UNIT_OF = re.compile(r"(?:[#%;]+|//)?\s*([^\s:=,;\[(]+)\s*(?:[:=]|(?=[\[(]))\s*([\[(]?[^\s\])]+[\])]?)")
+"""A column's name and its unit."""
 WITH_COMMA = re.compile(r"[\d:]+(?:,\d+)+(?:[eE][-+]?\d+)?")
 """A number, or a time of day, with decimal comma or separators of thousands."""
 THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
 NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 """Separators other than commas."""
-KNOWN_UNITS = {*SPELLINGS, *(unit for units in UNITS.values() for unit in units), "-", "1", ""}
+NO_UNIT = {"-", "1", ""}
+"""What stands in a row of units where a column has none."""
+KNOWN_UNITS = {*SPELLINGS, *(unit for units in UNITS.values() for unit in units), *NO_UNIT}
+ROWS = 3
+"""Lines in sequence that begin with a number, from which on they are rows."""
 
 
 def to_plain_table(path: Path, lines: list[str]) -> tuple[str, ...]:
@@ -35,10 +41,23 @@ def to_plain_table(path: Path, lines: list[str]) -> tuple[str, ...]:
     return (
         *drop_stamps(lines),
         *drop_comments(lines),
+        *drop_titles(lines),
         *use_commas(path, lines),
         *drop_empty_column(lines),
         *merge_units(lines),
     )
+
+
+def told_units(lines: list[str]) -> dict[str, str]:
+    """Returns the units that lines above the header give, such as `# angle: rad`, by name."""
+    found = {}
+    for line in lines:
+        if starts_with_number(line):
+            break
+        match = UNIT_OF.fullmatch(line.strip())
+        if match and (units := units_in([match[2]])):
+            found[match[1]] = units[0]
+    return found
 
 
 def filled_lines(lines: list[str]) -> list[int]:
@@ -94,6 +113,34 @@ def drop_comments(lines: list[str]) -> tuple[str, ...]:
     return (f"{len(before)} {many} of comment, row {before[0] + 1} the first, are left out.",)
 
 
+def drop_titles(lines: list[str]) -> tuple[str, ...]:
+    """Blanks lines of text above the header, which is the one of them that has as many cells as the rows below it.
+
+    Where two of them have, and the lower one is no row of units, it is open which one names the columns.
+    """
+    filled = filled_lines(lines)
+    numbers = [starts_with_number(lines[number]) for number in filled]
+    first = next((k for k in range(len(filled)) if all(numbers[k : k + ROWS])), 0)
+    text, rows = filled[:first], [lines[number] for number in filled[first : first + 100]]
+    fitting = []
+    for number in text:
+        separator = separator_of(lines[number], rows)
+        names, cells = cells_of(lines[number], separator), cells_of(rows[0], separator)
+        closed = len(cells) == len(names) + 1 and not cells[-1]  # each row ends with a separator
+        if len(names) > 1 and (len(names) == len(cells) or closed) and not any(map(is_number, names)):
+            fitting.append((number, names))
+    if len(fitting) == 2 and fitting[1][0] == text[-1] and units_in(fitting[1][1]):
+        fitting.pop()
+    if len(fitting) != 1 or fitting[0][0] == text[0]:
+        return ()
+    above = [number for number in text if number < fitting[0][0]]
+    title = quoted(lines[above[0]].strip())
+    for number in above:
+        lines[number] = ""
+    many = "line" if len(above) == 1 else "lines"
+    return (f"{len(above)} {many} of text above the header, {title} the first, are left out.",)
+
+
 def cells_of(line: str, separator: str) -> list[str]:
     """Returns the cells of a line; what is no separated text is one."""
     try:
@@ -104,6 +151,14 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 def starts_with_number(line: str) -> bool:
     return bool(re.match(r'\s*"?[-+]?(?:\d|\.\d)', line))
+
+
+def is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python reads 1_000 as a thousand; no logger means that
 
 
 def use_commas(path: Path, lines: list[str]) -> tuple[str, ...]:
@@ -176,10 +231,11 @@ def drop_empty_column(lines: list[str]) -> tuple[str, ...]:
         return ()
     header, *body = (lines[number].rstrip() for number in filled)
     # The last row of a log may be cut.
-    if not all(row.endswith(",") for row in body[: max(1, len(body) - 1)]) or body[0].count(",") < header.count(","):
+    if not all(row.endswith(",") for row in body[: max(1, len(body) - 1)]):
         return ()
-    if not header.endswith(",") and body[0].count(",") == header.count(","):
-        return ()  # a column that has a name, and is empty
+    names, cells = (len(cells_of(line, ",")) for line in (header, body[0]))
+    if cells < names or (cells == names and not header.endswith(",")):
+        return ()  # in the latter case a column that has a name, and is empty
     for number in filled:
         lines[number] = lines[number].rstrip().removesuffix(",")
     return ("Each row ends with a separator, which is left out.",)
@@ -191,16 +247,22 @@ def merge_units(lines: list[str]) -> tuple[str, ...]:
     if len(filled) < 2:
         return ()
     names, cells = (lines[number].split(",") for number in filled[:2])
-    units = [cell.strip().strip('"').strip("[]()").strip() for cell in cells]
-    spelled = [unit for unit in units if unit not in ("-", "1", "")]
-    if len(names) != len(units) or not spelled or not all(u in KNOWN_UNITS or u.lower() in KNOWN_UNITS for u in units):
+    units = units_in(cells)
+    if len(names) != len(units):
         return ()
     named = [
-        f"{name.strip().strip(chr(34))} [{unit}]" if unit in spelled else name
+        f"{name.strip().strip(chr(34))} [{unit}]" if unit not in NO_UNIT else name
         for name, unit in zip(names, units, strict=True)
     ]
     lines[filled[0]], lines[filled[1]] = ",".join(named), ""
     return (f"Row {filled[1] + 1} is read as the units of the columns.",)
+
+
+def units_in(cells: list[str]) -> list[str]:
+    """Returns the units in a row of units, without their brackets; nothing where a row is none."""
+    units = [cell.strip().strip('"').strip("[]()").strip() for cell in cells]
+    known = all(unit in KNOWN_UNITS or unit.lower() in KNOWN_UNITS for unit in units)
+    return units if known and not NO_UNIT.issuperset(units) else []
 
 
 def refuse_no_header(path: Path, row: int, line: str) -> InputError:

@@ -17,7 +17,7 @@ import numpy as np
 from jbridge._files import replace_text
 from jbridge.errors import InputError, cut, listed, quoted
 from jbridge.recordings.tables.clock import LIKE_A_DATE, clock_seconds, is_clock
-from jbridge.recordings.tables.csv_lines import filled_lines, refuse_no_header, to_plain_table
+from jbridge.recordings.tables.csv_lines import filled_lines, is_number, refuse_no_header, to_plain_table, told_units
 from jbridge.recordings.tables.table import Table
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
@@ -29,12 +29,14 @@ def read_csv(path: Path, content: bytes) -> Table:
     """Returns the columns of a CSV file: one header row, then numbers only, with `,` between them.
 
     A byte-order mark, CRLF line ends, quoted cells and blank lines are accepted. Other separators, decimal commas,
-    lines of comment, a row of units, times of day and the row numbers of a data frame are read and said.
+    lines of comment, text above the header, a row of units, times of day and the row numbers of a data frame are read
+    and said.
 
     Raises:
         InputError: naming file, row and column.
     """
     lines = decode(path, content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    told = told_units(lines)
     notes = to_plain_table(path, lines)
     filled = filled_lines(lines)
     if not filled:
@@ -56,7 +58,16 @@ def read_csv(path: Path, content: bytes) -> Table:
         if "" not in columns or np.any(np.diff(columns.pop("")) != 1):
             raise unnamed(path, filled[0] + 1, 0)
         notes += ("The first column has no name and numbers the rows; it is left out.",)
-    return Table(str(path), f"{path}, row {filled[0] + 1}", columns, rows, faulty=faulty, clocks=clocks, notes=notes)
+    return Table(
+        str(path),
+        f"{path}, row {filled[0] + 1}",
+        columns,
+        rows,
+        faulty=faulty,
+        clocks=clocks,
+        told=told,
+        notes=notes,
+    )
 
 
 def decode(path: Path, content: bytes) -> str:
@@ -124,14 +135,6 @@ def split(path: Path, row: int, line: str) -> list[str]:
         return next(csv.reader([line]))
     except csv.Error as error:
         raise InputError(f"{path}, row {row}: not comma-separated text ({error}); export it again") from None
-
-
-def is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell  # Python reads 1_000 as a thousand; no logger means that
 
 
 def parse_fast(body: list[str], width: int) -> np.ndarray | None:

@@ -25,6 +25,8 @@ class Table:
     """Columns in which a cell cannot be read, in the order of their first such rows, each with its refusal."""
     clocks: dict[str, InputError] = field(default_factory=dict)
     """Columns with times of day, which are seconds here, each with its refusal where it is not the time."""
+    told: dict[str, str] = field(default_factory=dict)
+    """Units that lines of comment give, by the name of the column."""
     notes: tuple[str, ...] = ()
     """What was assumed about how the file writes numbers, each one sentence."""
 
