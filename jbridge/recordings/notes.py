@@ -24,13 +24,6 @@ def describe(channels: Channels, declared: Sidecar, resolution: dict[str, float]
             " run begins there, cut the file."
         )
     notes += leap_notes(channels)
-    if "psi" in channels.values:
-        angle = abs(float(np.median(channels.values["psi"])))
-        if abs(angle % (2 * np.pi) - np.pi) < 0.3:
-            notes.append(
-                f"The angle rests near {angle:.3g} rad; if its zero is upright, declare the reading at"
-                " hanging as the offset of psi."
-            )
     u, x = (channels.values.get(name) for name in ("u_x", "x"))
     if u is not None and x is not None and u.min() >= 0.0 < u.max() and both_ways(x):
         notes.append(

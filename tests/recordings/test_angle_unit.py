@@ -89,3 +89,20 @@ def test_an_upright_zero_is_mentioned(write):
     columns = SWINGS["small"]
     notes = load_recording(write({**columns, "psi": columns["psi"] + np.pi})).notes
     assert any("zero is upright" in note for note in notes)
+
+
+def test_a_load_that_is_held_upright_has_its_zero_right(write):
+    """A cart balances it about half a turn from hanging; it falls away from there, and not from 0."""
+    t, psi, rate, seen = np.arange(2000) * 0.005, np.pi + 0.05, 0.0, {"psi": [], "x": []}
+    x, v, random = 0.0, 0.0, np.random.default_rng(0)
+    for _ in t:
+        seen["psi"].append(psi)
+        seen["x"].append(x)
+        push = -40 * (psi - np.pi) - 8 * rate + 1.0 * x + 2.0 * v + random.normal()
+        rate -= 0.005 * (9.81 * np.sin(psi) + push * np.cos(psi)) / 0.5
+        psi, v = psi + 0.005 * rate, v + 0.005 * push
+        x += 0.005 * v
+    columns = {"t": t, **{name: np.array(values) for name, values in seen.items()}}
+    columns |= {"u_x": np.gradient(np.gradient(columns["x"], 0.005), 0.005), "l": np.full(t.size, 0.5)}
+    assert np.abs(columns["psi"] - np.pi).max() < 0.3
+    assert not any("upright" in note for note in load_recording(write(columns)).notes)

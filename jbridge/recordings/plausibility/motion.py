@@ -140,10 +140,13 @@ class SwingTerms:
         a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
         anywhere near hanging or near upright.
         """
+        return min((self.about(way, factor) for way in (1.0, -1.0)), key=lambda left: float(np.dot(left, left)))
+
+    def about(self, way: float, factor: float = 1.0) -> np.ndarray:
+        """Returns the same where the angle's zero is near hanging (`way` 1), or near upright (-1)."""
         force = self.weight + factor * self.carried
         share = -np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300)
-        hanging, upright = (np.clip(way * share, 0.5, 2.0) * self.turning + way * force for way in (1.0, -1.0))
-        return min((hanging, upright), key=lambda left: float(np.dot(left, left)))
+        return np.clip(way * share, 0.5, 2.0) * self.turning + way * force
 
 
 def swing_terms(cells: Cells) -> SwingTerms:

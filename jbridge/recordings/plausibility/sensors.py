@@ -9,7 +9,15 @@ from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.hold import Hold
-from jbridge.recordings.plausibility.motion import CERTAIN, STRETCH, Samples, in_cells, swing_cells
+from jbridge.recordings.plausibility.motion import (
+    CERTAIN,
+    STRETCH,
+    Samples,
+    certainly_better,
+    in_cells,
+    swing_cells,
+    swing_terms,
+)
 from jbridge.recordings.plausibility.refusals import FORCE
 from jbridge.recordings.tables.columns import UNITS
 
@@ -23,6 +31,8 @@ COUNTS = 4.0
 """Way in these rows, over the sensor's count or what its noise takes for one, from which on it moved at all."""
 FAR = 0.05
 """Angle [rad] that no friction at a pivot holds, and acceleration of a cart over gravity that makes any load swing."""
+NEAR_UPRIGHT = 0.3
+"""Distance [rad] from half a turn up to which an angle rests there."""
 FARTHEST = 1.0
 """Angle [rad] beyond which a sensor's zero is not near hanging."""
 CELL = 0.2
@@ -79,6 +89,15 @@ def sensor_notes(
                 f" ends there, or it hangs{other}; leave such stretches out ([trim], or delete their rows)."
             )
     if "psi" in samples and length is not None:
+        rest = abs(float(np.median(samples["psi"][1])))
+        if channels.columns["psi"].offset == 0 and abs(rest % (2 * np.pi) - np.pi) < NEAR_UPRIGHT:
+            position = samples.get("x", (samples["psi"][0], np.zeros(samples["psi"][0].size)))
+            rope = (samples["psi"][0], np.full(samples["psi"][0].size, length)) if l is None else l
+            if falls_away(samples["psi"], position, rope):
+                notes.append(
+                    f"The angle rests near {rest:.3g} rad, and the load falls away from 0: its zero is upright; declare"
+                    " the reading at hanging as the offset of psi."
+                )
         angle = hanging(samples["psi"], samples.get("x"), l, length)
         if FAR < abs(angle) < FARTHEST:
             column = channels.columns["psi"]
@@ -89,6 +108,15 @@ def sensor_notes(
                 f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
             )
     return notes
+
+
+def falls_away(psi: Samples, x: Samples, l: Samples) -> bool:
+    """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there."""
+    cells = swing_cells(psi[0], psi, x, l)
+    if cells is None:
+        return False
+    terms = swing_terms(cells)
+    return certainly_better(terms.about(1.0), terms.about(-1.0))
 
 
 def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: float) -> np.ndarray:
