@@ -48,8 +48,12 @@ class Channels:
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
-        name = self.columns[channel].name if channel in self.columns else channel
-        return self.table.error(int(self.rows[sample]), name, problem)
+        row = self.rows[sample : sample + 1]
+        if channel not in self.columns:
+            return self.table.error(int(row[0]), channel, problem)
+        column = self.columns[channel]
+        row = column.logged_in(row, self.table.columns[column.name].size)
+        return self.table.error(int(row[0]), column.name, problem)
 
     def place(self, key: str, section: str = "columns") -> str:
         """Returns where a line about the file belongs: the table and file that say it of a channel, or may."""
@@ -81,6 +85,12 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
             raise InputError(
                 f"{path}, column {cut(columns[channel].name)}: {values.size} values, but {cut(columns['t'].name)} has"
                 f" {times.size}; save vectors of one length"
+            )
+        late = columns[channel].late
+        if late and abs(late) >= values.size:
+            raise InputError(
+                f"{path}, column {cut(columns[channel].name)}: late = {late} rows, of {values.size} that the file has;"
+                " declare the rows from a command to the one that logs it, mostly 1"
             )
     used = {column.name for column in columns.values()}
     left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)

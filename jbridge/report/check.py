@@ -110,7 +110,8 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
         if values is None:
             continue
         sign = ", sign -1" if column.sign < 0 else ""
-        read = f"{channel:4} from {column.name} [{column.unit}{sign}]"
+        late = f", late {column.late}" if column.late else ""
+        read = f"{channel:4} from {column.name} [{column.unit}{sign}{late}]"
         unit = recording.units.get(channel) or ("rad" if channel == "psi" else "m")
         scale = scale_for(unit, []) if channel == "psi" else None
         factor, shown = (scale.factor, scale.unit) if scale else (1.0, unit)
