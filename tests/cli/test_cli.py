@@ -218,8 +218,9 @@ def test_a_problem_that_files_share_is_said_once(rig, capsys):
         columns = np.loadtxt(name, delimiter=",", skiprows=1).T * [[1.0], [1.0], [1e3 + k]]
         jbridge.save_csv(name, dict(zip(("t", "volts", "x"), columns, strict=True)))
     assert main(["check", "a.csv", "b.csv", "c.csv"]) == 2
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
     assert out.startswith("1 PROBLEM\n") and "(likewise b.csv, c.csv)" in out
+    assert out.splitlines()[1].removeprefix("- ") in err and err.count("\n") == 1
     written = []
     for channel in ("u_x", "x"):
         [line] = re.findall(rf'declare ({channel} = {{.*?}}) under \["\*.csv".columns\] in recordings.toml', out)
