@@ -8,7 +8,8 @@ A folder's file has tables for recordings, under a quoted name or a pattern that
     ["hoist_*.csv".override]
     load_mass = 0.25
 
-What fits a recording is put together, key by key: patterns first, then its own table, then `NAME.toml`.
+What fits a recording is put together, key by key: patterns first, a narrower one after the wider one, then its own
+table, then `NAME.toml`.
 """
 
 from collections.abc import Mapping
@@ -149,7 +150,8 @@ def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> list[t
         if isinstance(value, dict) and value.keys() <= {"csv", "mat"} and value:
             ending = next(iter(value))
             raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
-    patterns = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
+    fit = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
+    patterns = sorted(fit, key=lambda key: sum(is_narrower(key, other) for other in fit))
     own = [path.name] if path.name in document else []
     fitting = {key: Where(f'{file}, table "{key}"', f'["{key}".*] in {file.name}') for key in (*patterns, *own)}
     tables = {key: where.table(document, key) for key, where in fitting.items()}
@@ -164,18 +166,30 @@ def said_elsewhere(path: Path, document: Mapping[str, object]) -> frozenset[tupl
     return frozenset((section, key) for section, said in sections if isinstance(said, dict) for key in said)
 
 
+def is_narrower(pattern: str, other: str) -> bool:
+    """Says whether a pattern fits a part of what another one fits, as `hoist_*.csv` does of `*.csv`.
+
+    What fits a text with stars in it does so, too, with anything in their place. A set of letters in brackets is longer
+    than what it fits, so that nothing is said about it.
+    """
+    plain = not {"[", "]"} & {*pattern, *other}
+    return plain and fnmatchcase(pattern, other) and not fnmatchcase(other, pattern)
+
+
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:
-    """Of two patterns, neither is the nearer one."""
-    said: dict[tuple[str, str], str] = {}
+    """Of two patterns, neither is the nearer one, unless one is narrower than the other; they come in this order."""
+    said: dict[tuple[str, str], list[str]] = {}
     for pattern, table in tables.items():
         for section, declared in table.items():
             for key in declared if isinstance(declared, dict) else ():
-                first = said.setdefault((section, key), pattern)
-                if first != pattern:
-                    raise InputError(
-                        f"{file}: the tables {listed(map(quoted, (first, pattern)))} both fit {path.name} and both say"
-                        f' {section}.{key}; keep one, or say it in ["{path.name}".{section}]'
-                    )
+                before = said.setdefault((section, key), [])
+                for first in before:
+                    if not is_narrower(pattern, first):
+                        raise InputError(
+                            f"{file}: the tables {listed(map(quoted, (first, pattern)))} both fit {path.name} and both"
+                            f' say {section}.{key}; keep one, or say it in ["{path.name}".{section}]'
+                        )
+                before.append(pattern)
 
 
 def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:

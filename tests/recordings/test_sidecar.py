@@ -211,6 +211,18 @@ start = 0.5
     assert (recording.times[0], recording.times[-1]) == pytest.approx((0.5, 1.5))
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_narrower_pattern_comes_before_a_wider_one(write, columns, order):
+    """In whatever order they stand; what the narrower one does not say, the wider one does."""
+    tables = [
+        '["*.csv".override]\nload_mass = 0.1\ncart_mass = 5.0\ngravity = 9.8\n',
+        '["r*.csv".override]\nload_mass = 0.2\ncart_mass = 6.0\n',
+        '["r?n*.csv".override]\nload_mass = 0.3\n',
+    ]
+    write(columns, "\n".join(tables[k] for k in order), sidecar_name="recordings.toml")
+    assert load_recording(write(columns)).override == {"load_mass": 0.3, "cart_mass": 6.0, "gravity": 9.8}
+
+
 @pytest.mark.parametrize("form", ["[override]\nload_mass = 0.2\n", '["run.csv".override]\nload_mass = 0.2\n'])
 def test_a_sidecar_can_lie_elsewhere(write, columns, tmp_path, form):
     elsewhere = tmp_path / "mine"
@@ -317,6 +329,10 @@ def test_refused_in_a_folders_file(write, columns, sidecar, needles):
         (
             '["r*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstart = 2',
             ["'r*.csv', '*n.csv'", "trim.start", '["run.csv".trim]'],
+        ),
+        (
+            '["*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstop = 2\n["[r]*n.csv".trim]\nstop = 1.5',
+            ["'[r]*n.csv', '*n.csv'", "trim.stop", '["run.csv".trim]'],
         ),
     ],
 )
