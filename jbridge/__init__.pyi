@@ -53,6 +53,7 @@ from .recordings import load_recordings as load_recordings
 from .recordings import save_csv as save_csv
 from .report.check import describe_check as describe_check
 from .report.check import save_check as save_check
+from .report.check import shared_problems as shared_problems
 from .report.control.comparison_text import describe_rivals as describe_rivals
 from .report.control.tracking import describe_tracking as describe_tracking
 from .report.control.tracking import save_tracking as save_tracking

@@ -61,8 +61,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         console("drawing")
         jbridge.save_check(arguments.out, inspections, text)
     console.show(text, lambda: _found(inspections, found, mismatch))
-    unread = [each.problems[-1] for each in inspections if each.recording is None]
-    refused = [*unread, mismatch] if arguments.force else [*problems, mismatch]
+    refused = [*jbridge.shared_problems(inspections, forced=arguments.force), mismatch]
     if any(refused):
         raise InputError(refused[0])
 

@@ -6,7 +6,6 @@ or assumed about it stands in its notes.
 
 from jbridge.recordings.load import (
     Inspection,
-    check_units,
     constant_inputs,
     inspect_recordings,
     load_recording,
@@ -15,7 +14,7 @@ from jbridge.recordings.load import (
 from jbridge.recordings.plausibility.gains import FAR as FAR_GAIN
 from jbridge.recordings.plausibility.gains import GUESSED as GUESSED_GAIN
 from jbridge.recordings.plausibility.gains import KNOWN as KNOWN_GAIN
-from jbridge.recordings.plausibility.gains import contradiction, drive_gains
+from jbridge.recordings.plausibility.gains import check_units, contradiction, drive_gains
 from jbridge.recordings.plausibility.gains import remedy as gain_remedy
 from jbridge.recordings.recording import Recording, covered_by
 from jbridge.recordings.tables.csv_table import save_csv

@@ -9,7 +9,8 @@ import numpy as np
 from jbridge.errors import InputError
 from jbridge.recordings.load import ignore, make_reading, refuse
 from jbridge.recordings.recording import Recording
-from jbridge.recordings.sidecar import Sidecar, Where, parse_sidecar
+from jbridge.recordings.sidecar import Sidecar, parse_sidecar
+from jbridge.recordings.tables.declarations import Where
 from jbridge.recordings.tables.table import Table
 
 

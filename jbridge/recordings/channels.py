@@ -1,5 +1,6 @@
 """Turns the columns of a file into channels in SI units, of one length, finite and within bounds."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +14,6 @@ from jbridge.recordings.checks import (
     check_length,
     check_size,
     check_times,
-    in_unit_of_log,
 )
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
@@ -48,8 +48,12 @@ class Channels:
 
     def error(self, sample: int, channel: str, problem: str) -> InputError:
         """Returns the refusal of one sample of a channel (or extra column), in the terms of the file."""
-        name = self.columns[channel].name if channel in self.columns else channel
-        return self.table.error(int(self.rows[sample]), name, problem)
+        row = self.rows[sample : sample + 1]
+        if channel not in self.columns:
+            return self.table.error(int(row[0]), channel, problem)
+        column = self.columns[channel]
+        row = column.logged_in(row, self.table.columns[column.name].size)
+        return self.table.error(int(row[0]), column.name, problem)
 
     def place(self, key: str, section: str = "columns") -> str:
         """Returns where a line about the file belongs: the table and file that say it of a channel, or may."""
@@ -67,13 +71,12 @@ class Channels:
         return {name: gain for name, gain in found.items() if gain is not None}
 
 
-def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
-    """Returns the channels of a file, each number checked.
+def read_channels(path: Path, table: Table, declared: Sidecar, columns: dict[str, Column]) -> Channels:
+    """Returns the channels in columns of a file, the time among them, each number checked.
 
     Raises:
         InputError: naming file, row and column.
     """
-    columns = pick_columns(path, table, declared)
     raw = {channel: column.convert(table.columns[column.name], channel) for channel, column in columns.items()}
     times = raw["t"]
     for channel, values in raw.items():
@@ -81,6 +84,12 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
             raise InputError(
                 f"{path}, column {cut(columns[channel].name)}: {values.size} values, but {cut(columns['t'].name)} has"
                 f" {times.size}; save vectors of one length"
+            )
+        late = columns[channel].late
+        if late and abs(late) >= values.size:
+            raise InputError(
+                f"{path}, column {cut(columns[channel].name)}: late = {late} rows, of {values.size} that the file has;"
+                " declare the rows from a command to the one that logs it, mostly 1"
             )
     used = {column.name for column in columns.values()}
     left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)
@@ -100,13 +109,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar) -> Channels:
     no_numbers = [name for name in table.faulty | table.clocks if name not in used | left_out]
     if no_numbers:
         notes.append(left_out_note(no_numbers))
-    near = {
-        channel: column
-        for channel in CHANNELS
-        if channel not in columns
-        and channel not in left_out
-        and (column := near_column(channel, (*extras, *no_numbers), table.told))
-    }
+    near = near_columns(table, {*columns, *left_out}, (*extras, *no_numbers))
     every = np.arange(times.size)
     channels = trim(path, Channels(table, columns, every, raw, {}, extras, tuple(notes), near, left_out, declared))
     for name, values in channels.values.items():
@@ -131,8 +134,14 @@ def left_out_note(names: list[str]) -> str:
     return f"Columns that are no channel and do not hold numbers only are left out: {listed(map(quoted, names))}."
 
 
+def near_columns(table: Table, known: set[str], names: Iterable[str]) -> dict[str, Column]:
+    """Returns the columns, of those called so, that are probably meant for a channel that is not known."""
+    unknown = [channel for channel in CHANNELS if channel not in known]
+    return {channel: column for channel in unknown if (column := near_column(channel, names, table.told))}
+
+
 def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Column]:
-    """Returns the column of each channel that the file has; the time must be one of them."""
+    """Returns the column of each channel that the file has."""
     columns, faulty = {}, []
     for channel in CHANNELS:
         column = declared.column(channel)
@@ -160,9 +169,7 @@ def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Colum
     for name, error in table.faulty.items():
         if name in faulty:
             raise error
-    if "t" not in columns:
-        raise no_time(path, table, declared)
-    if columns["t"].name in table.clocks and (columns["t"].unit, columns["t"].scale) != ("s", None):
+    if "t" in columns and columns["t"].name in table.clocks and (columns["t"].unit, columns["t"].scale) != ("s", None):
         raise InputError(
             f"{table.header}, column {cut(columns['t'].name)}: times of day are read as seconds from the first row;"
             f" declare {replace(plain_column('t'), name=columns['t'].name).line('t')} under"
@@ -186,26 +193,6 @@ def header_column(table: Table, channel: str, names: list[str], declared: Sideca
             f" {found[0].line(channel)} under {declared.place(Path(table.path), key=channel)}"
         )
     return found[0] if found else None
-
-
-def no_time(path: Path, table: Table, declared: Sidecar) -> InputError:
-    """Returns the refusal of a file without a column of the time, with the columns that it has instead."""
-    names = [*table.columns, *table.faulty]
-    if names:
-        meant = near_column("t", names, table.told)
-        if meant is not None and meant.name in table.columns and meant.name not in table.clocks:
-            meant = in_unit_of_log(meant, table.columns[meant.name])
-        line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
-        found, place = listed(map(quoted, names)), declared.place(path, key="t")
-        remedy = f"rename one, or declare {line} under {place}"
-        return InputError(f"{table.header}: no column t for the time; the columns are {found}; {remedy}")
-    held = (
-        ", ".join(f"{cut(name)} is {what}" for name, what in list(table.unusable.items())[:3]) or "there is no variable"
-    )
-    return InputError(
-        f"{table.header}: no column t for the time; {held}; save each signal as a vector, in MATLAB t = data(1, :);"
-        f" x = data(2, :); save('{path.stem}_v7.mat', 't', 'x', '-v7')"
-    )
 
 
 def unwrap(channels: Channels) -> Channels:

@@ -9,21 +9,17 @@ from typing import Any
 import numpy as np
 
 from jbridge.errors import InputError
-from jbridge.recordings.channels import Channels, in_nearest_turn, read_channels
+from jbridge.recordings.channels import Channels, in_nearest_turn, pick_columns, read_channels
 from jbridge.recordings.dropouts import lost_together
 from jbridge.recordings.hold import Hold, declared_hold, detect_hold, fresh_rows
 from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
-from jbridge.recordings.plausibility.gains import check_gains
-from jbridge.recordings.plausibility.inputs import shared_columns, stale_notes, unlogged_inputs
+from jbridge.recordings.plausibility.gains import check_gains, check_units
+from jbridge.recordings.plausibility.inputs import stale_notes, unlogged_inputs
+from jbridge.recordings.plausibility.names import doubtful_channels, doubts_without_time
 from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
-from jbridge.recordings.plausibility.units import (
-    doubtful_absence,
-    doubtful_angle,
-    doubtful_names,
-    doubtful_units,
-)
+from jbridge.recordings.plausibility.units import doubtful_angle, doubtful_units
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -85,22 +81,6 @@ def check_named_once(paths: Sequence[PathLike]) -> None:
         seen.add(resolved)
 
 
-def check_units(names: Sequence[PathLike], recordings: Sequence[Recording]) -> None:
-    """Raises an InputError where recordings, called by these names, give one input in two units."""
-    for name in INPUTS:
-        first: dict[str, PathLike] = {}
-        for path, recording in zip(names, recordings, strict=True):
-            unit = recording.units.get(name)
-            if unit and first and unit not in first:
-                other, before = next(iter(first.items()))
-                raise InputError(
-                    f"{path}, column {name}: in {unit}, but in {other} in {before}; a gain has one unit:"
-                    " declare the same for all recordings"
-                )
-            if unit:
-                first.setdefault(unit, path)
-
-
 def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
     """Returns the inputs (`u_x`, `u_l`) that some recording has and that change in none of them."""
     found = set()
@@ -125,6 +105,8 @@ class Inspection:
     """By `psi`, `u_x`, `u_l`: whether the sign fits the laws of motion; None where the recording does not tell."""
     problems: tuple[str, ...]
     """Each a line with what mends it; the first one is what other commands refuse the file with."""
+    refusal: str = ""
+    """Why nothing could be read, whatever is forced; empty where something was."""
 
 
 def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
@@ -134,12 +116,17 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
     """
     readings: list[Reading | None] = []
     problems: list[list[InputError]] = [[] for _ in paths]
+    refusals: list[str] = []
     for path, doubts in zip(paths, problems, strict=True):
         try:
             readings.append(read(path, False, None, doubts.append))
+            refusals.append("")
         except InputError as error:
             readings.append(None)
-            doubts.append(error)
+            refusals.append(str(error))
+            # Where something was told before, the refusal is among it or follows from it.
+            if not doubts:
+                doubts.append(error)
     signs = [
         {} if reading is None or doubts else signs_of(reading.recording)
         for reading, doubts in zip(readings, problems, strict=True)
@@ -164,8 +151,9 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
             {} if reading is None else reading.columns,
             sign,
             tuple(map(str, doubts)),
+            why,
         )
-        for path, reading, sign, doubts in zip(paths, readings, signs, problems, strict=True)
+        for path, reading, sign, doubts, why in zip(paths, readings, signs, problems, refusals, strict=True)
     )
 
 
@@ -200,12 +188,16 @@ def make_reading(
     path: Path, table: Table, declared: Sidecar, inputs_only: bool, tell: Callable[[InputError], None]
 ) -> Reading:
     """Returns the recording in a table of columns, checked; `path` gives its name, and may stand for arrays."""
-    channels = read_channels(path, table, declared)
-    has_lock = declared.locked is not None
-    absent = () if inputs_only else doubtful_absence(channels, has_lock)
-    for doubt in (*doubtful_names(channels, has_lock), *absent, *shared_columns(channels)):
+    columns = pick_columns(path, table, declared)
+    if "t" not in columns:
+        doubts = doubts_without_time(path, table, declared, columns, inputs_only)
+        for doubt in doubts:
+            tell(doubt)
+        raise doubts[0]
+    channels = read_channels(path, table, declared, columns)
+    for doubt in doubtful_channels(channels, declared, inputs_only):
         tell(doubt)
-    parts = find_parts(path, channels, declared, inputs_only)
+    parts = find_parts(channels, declared, inputs_only)
     times = channels.values["t"]
     of_units = [
         *doubtful_units(channels),

@@ -8,21 +8,20 @@ A folder's file has tables for recordings, under a quoted name or a pattern that
     ["hoist_*.csv".override]
     load_mass = 0.25
 
-What fits a recording is put together, key by key: patterns first, then its own table, then `NAME.toml`.
+What fits a recording is put together, key by key: patterns first, a narrower one after the wider one, then its own
+table, then `NAME.toml`.
 """
 
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
-from math import isfinite
 from pathlib import Path
 
 from jbridge._toml import read_tables
 from jbridge.errors import InputError, listed, quoted
-from jbridge.recordings.recording import INPUTS, MEASURED
-from jbridge.recordings.tables.columns import CHANNELS, UNITS, Column, plain_column
+from jbridge.recordings.recording import MEASURED
+from jbridge.recordings.tables.columns import Column, plain_column
+from jbridge.recordings.tables.declarations import Where, parse_columns
 
 SECTIONS = ("columns", "hold", "resolution", "override", "trim", "initial", "locked")
 FOLDER_FILE = "recordings.toml"
@@ -140,7 +139,7 @@ def is_folder_file(path: Path, document: Mapping[str, object]) -> bool:
     return named and not document.keys() & set(SECTIONS)
 
 
-def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[tuple[Where, dict[str, object]]]":
+def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> list[tuple[Where, dict[str, object]]]:
     """Returns the tables of a folder's file that fit a recording's name: those of patterns, then its own."""
     for key, value in document.items():
         if key in SECTIONS:
@@ -151,7 +150,8 @@ def tables_for(path: Path, file: Path, document: Mapping[str, object]) -> "list[
         if isinstance(value, dict) and value.keys() <= {"csv", "mat"} and value:
             ending = next(iter(value))
             raise InputError(f'{file}: [{key}.{ending}] needs quotes around the file name: ["{key}.{ending}"]')
-    patterns = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
+    fit = [key for key in document if key != path.name and fnmatchcase(path.name, key)]
+    patterns = sorted(fit, key=lambda key: sum(is_narrower(key, other) for other in fit))
     own = [path.name] if path.name in document else []
     fitting = {key: Where(f'{file}, table "{key}"', f'["{key}".*] in {file.name}') for key in (*patterns, *own)}
     tables = {key: where.table(document, key) for key, where in fitting.items()}
@@ -166,73 +166,30 @@ def said_elsewhere(path: Path, document: Mapping[str, object]) -> frozenset[tupl
     return frozenset((section, key) for section, said in sections if isinstance(said, dict) for key in said)
 
 
+def is_narrower(pattern: str, other: str) -> bool:
+    """Says whether a pattern fits a part of what another one fits, as `hoist_*.csv` does of `*.csv`.
+
+    What fits a text with stars in it does so, too, with anything in their place. A set of letters in brackets is longer
+    than what it fits, so that nothing is said about it.
+    """
+    plain = not {"[", "]"} & {*pattern, *other}
+    return plain and fnmatchcase(pattern, other) and not fnmatchcase(other, pattern)
+
+
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:
-    """Of two patterns, neither is the nearer one."""
-    said: dict[tuple[str, str], str] = {}
+    """Of two patterns, neither is the nearer one, unless one is narrower than the other; they come in this order."""
+    said: dict[tuple[str, str], list[str]] = {}
     for pattern, table in tables.items():
         for section, declared in table.items():
             for key in declared if isinstance(declared, dict) else ():
-                first = said.setdefault((section, key), pattern)
-                if first != pattern:
-                    raise InputError(
-                        f"{file}: the tables {listed(map(quoted, (first, pattern)))} both fit {path.name} and both say"
-                        f' {section}.{key}; keep one, or say it in ["{path.name}".{section}]'
-                    )
-
-
-@dataclass(frozen=True)
-class Where:
-    """A place in a TOML file; takes values out of its table and refuses what does not fit."""
-
-    place: str
-    lines: str = ""
-    """Where lines of its tables belong, as `Sidecar.lines` has it."""
-
-    def error(self, problem: str) -> InputError:
-        return InputError(f"{self.place}: {problem}")
-
-    def within(self, section: str) -> "Where":
-        return Where(f"{self.place}, [{section}]")
-
-    def check_keys(self, table: Mapping[str, object], known: tuple[str, ...]) -> None:
-        for key in table:
-            if key not in known:
-                close = get_close_matches(key, known, 1)
-                hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
-                raise self.error(f"unknown key {quoted(key)}; {hint}")
-
-    def table(self, parent: Mapping[str, object], key: str) -> dict[str, object]:
-        value = parent.get(key, {})
-        if not isinstance(value, dict):
-            raise self.error(f"{key} must be a table, not {quoted(str(value))}; write [{key}]")
-        return value
-
-    def number(
-        self, table: Mapping[str, object], key: str, *, positive: bool = False, not_negative: bool = False
-    ) -> float:
-        value = table[key]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(f"{key} must be a number, not {quoted(str(value))}")
-        if abs(value) > sys.float_info.max or not isfinite(value) or (positive and value <= 0):
-            raise self.error(
-                f"{key} must be {'above 0' if positive and value <= 0 else 'finite'}, not {quoted(str(value))}"
-            )
-        if not_negative and value < 0:
-            raise self.error(f"{key} must not be negative, as {quoted(str(value))} is")
-        return float(value)
-
-    def numbers(
-        self,
-        table: Mapping[str, object],
-        known: tuple[str, ...],
-        *,
-        positive: tuple[str, ...] = (),
-        not_negative: tuple[str, ...] = (),
-    ) -> dict[str, float]:
-        self.check_keys(table, known)
-        return {
-            key: self.number(table, key, positive=key in positive, not_negative=key in not_negative) for key in table
-        }
+                before = said.setdefault((section, key), [])
+                for first in before:
+                    if not is_narrower(pattern, first):
+                        raise InputError(
+                            f"{file}: the tables {listed(map(quoted, (first, pattern)))} both fit {path.name} and both"
+                            f' say {section}.{key}; keep one, or say it in ["{path.name}".{section}]'
+                        )
+                before.append(pattern)
 
 
 def parse_sidecar(where: Where, document: Mapping[str, object]) -> Sidecar:
@@ -273,51 +230,3 @@ def parse_flags(where: Where, table: Mapping[str, object]) -> dict[str, bool]:
             raise where.error(f"{key} must be true or false, not {quoted(str(value))}")
         flags[key] = value
     return flags
-
-
-def parse_columns(where: Where, table: Mapping[str, object]) -> Iterator[tuple[str, Column | None]]:
-    where.check_keys(table, CHANNELS)
-    for channel, value in table.items():
-        if isinstance(value, str):
-            yield channel, Column(value, plain_column(channel).unit)
-        elif isinstance(value, dict):
-            yield channel, parse_column(Where(f"{where.place}, {channel}"), channel, value)
-        elif value is False and channel != "t":
-            yield channel, None
-        else:
-            raise where.error(
-                f"{channel} must be a column's name, a table such as"
-                f' {{column = "...", unit = "..."}}, or false; not {quoted(str(value))}'
-            )
-
-
-def parse_column(where: Where, channel: str, table: Mapping[str, object]) -> Column:
-    """Returns how a channel's column is read, from a table such as `{column = "theta", unit = "deg"}`."""
-    where.check_keys(table, ("column", "unit", "sign", "offset", "scale", "radius"))
-    name = table.get("column", channel)
-    if not isinstance(name, str):
-        raise where.error(f"column must be a column's name, not {quoted(str(name))}")
-    scaled = "scale" in table
-    unit = table.get("unit", "count" if scaled else plain_column(channel).unit)
-    known = (*UNITS[channel], "count") if scaled else tuple(UNITS[channel])
-    if scaled and channel in INPUTS:
-        raise where.error("an input takes no scale; give its unit (V, A, %, count, N or N m), and its gain carries it")
-    if scaled and unit != "count":
-        raise where.error(f'scale is the size of one count: write unit = "count", not {quoted(str(unit))}')
-    if unit == "count" and not scaled and channel not in INPUTS:
-        raise where.error("unit count needs the size of one count in SI units, such as scale = 5.5e-5")
-    if not isinstance(unit, str) or unit not in known:
-        raise where.error(f"unknown unit {quoted(str(unit))}; known for {channel} are {', '.join(known)}")
-    if "radius" in table and unit != "N m":
-        raise where.error('radius is that of the pulley on which a torque acts: write unit = "N m", or leave it out')
-    sign = where.number(table, "sign") if "sign" in table else 1.0
-    if sign not in (1.0, -1.0):
-        raise where.error(f"sign must be 1 or -1, not {sign:g}; a factor belongs into the unit or into scale")
-    return Column(
-        name,
-        unit,
-        sign,
-        where.number(table, "offset") if "offset" in table else 0.0,
-        where.number(table, "scale", positive=True) if scaled else None,
-        where.number(table, "radius", positive=True) if "radius" in table else None,
-    )

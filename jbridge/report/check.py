@@ -39,7 +39,7 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
         found: what a fit could tell, if there was a model.
         model_problem: why model and recordings do not go together, if so.
     """
-    problems = gathered(inspections) + ([model_problem] if model_problem else [])
+    problems = shared_problems(inspections) + ([model_problem] if model_problem else [])
     if problems:
         # A line that mends something is to be copied, so that it is not broken.
         lines = [f"{len(problems)} PROBLEM{'S' if len(problems) > 1 else ''}", *(f"- {text}" for text in problems)]
@@ -53,14 +53,17 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
     return "\n".join(lines) + "\n"
 
 
-def gathered(inspections: Sequence[Inspection]) -> list[str]:
-    """Returns the problems, one that several files of a folder share only once: with what mends it for all of them."""
+def shared_problems(inspections: Sequence[Inspection], *, forced: bool = False) -> list[str]:
+    """Returns the problems, one that several files of a folder share only once: with what mends it for all of them.
+
+    Args:
+        inspections: of the files.
+        forced: whether to return only those with which nothing can be read, whatever is forced.
+    """
     found: dict[tuple[str, ...], list[tuple[Path, str]]] = {}
     for each in inspections:
         path = Path(each.path)
-        # Where a column is nearly called like a channel, that nothing could be read follows from it.
-        follows = each.recording is None and len(each.problems) > 1
-        for problem in each.problems[:-1] if follows else each.problems:
+        for problem in filter(None, [each.refusal]) if forced else each.problems:
             said = problem.replace(each.path, "").replace(path.with_suffix(".toml").name, "")
             found.setdefault((str(path.parent), path.suffix, _NUMBER.sub("", said)), []).append((path, problem))
     problems = []
@@ -110,7 +113,8 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
         if values is None:
             continue
         sign = ", sign -1" if column.sign < 0 else ""
-        read = f"{channel:4} from {column.name} [{column.unit}{sign}]"
+        late = f", late {column.late}" if column.late else ""
+        read = f"{channel:4} from {column.name} [{column.unit}{sign}{late}]"
         unit = recording.units.get(channel) or ("rad" if channel == "psi" else "m")
         scale = scale_for(unit, []) if channel == "psi" else None
         factor, shown = (scale.factor, scale.unit) if scale else (1.0, unit)

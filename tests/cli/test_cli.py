@@ -185,11 +185,18 @@ def test_an_input_that_the_models_gain_contradicts_is_refused(rig, calls, capsys
 
 def test_check_says_what_was_read(rig, capsys):
     turned("t.csv")
-    (rig / "t.toml").write_text("[columns]\nu_x = {sign = -1}\n")
+    (rig / "t.toml").write_text("[columns]\nu_x = {sign = -1, late = -1}\n")
     assert main(["check", "t.csv", "a.csv"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("NOTHING IS PLAINLY WRONG") and err == ""
-    for needle in ("1000 rows", "every 20 ms", "u_x from u_x [V, sign -1]", "noise", "no gap", "u_x: fits the laws"):
+    for needle in (
+        "1000 rows",
+        "every 20 ms",
+        "u_x from u_x [V, sign -1, late -1]",
+        "noise",
+        "no gap",
+        "u_x: fits the laws",
+    ):
         assert needle in " ".join(out.split()), needle
     assert {path.name for path in rig.iterdir()} >= {"t.csv"} and not (rig / "out").exists()
 
@@ -211,8 +218,9 @@ def test_a_problem_that_files_share_is_said_once(rig, capsys):
         columns = np.loadtxt(name, delimiter=",", skiprows=1).T * [[1.0], [1.0], [1e3 + k]]
         jbridge.save_csv(name, dict(zip(("t", "volts", "x"), columns, strict=True)))
     assert main(["check", "a.csv", "b.csv", "c.csv"]) == 2
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
     assert out.startswith("1 PROBLEM\n") and "(likewise b.csv, c.csv)" in out
+    assert out.splitlines()[1].removeprefix("- ") in err and err.count("\n") == 1
     written = []
     for channel in ("u_x", "x"):
         [line] = re.findall(rf'declare ({channel} = {{.*?}}) under \["\*.csv".columns\] in recordings.toml', out)

@@ -41,7 +41,7 @@ def same(one, other):
 SIDECAR = """
 [columns]
 psi = {column = "psi", unit = "deg", sign = -1, offset = 3.0}
-u_x = {unit = "A"}
+u_x = {unit = "A", late = 1}
 [resolution]
 x = 1e-4
 [hold]
@@ -52,7 +52,7 @@ load_mass = 0.25
 start = 0.2
 """
 DECLARED = {
-    "columns": {"psi": {"unit": "deg", "sign": -1, "offset": 3.0}, "u_x": {"unit": "A"}},
+    "columns": {"psi": {"unit": "deg", "sign": -1, "offset": 3.0}, "u_x": {"unit": "A", "late": np.int64(1)}},
     "resolution": {"x": 1e-4},
     "hold": {"psi": True},
     "override": {"load_mass": np.float64(0.25)},

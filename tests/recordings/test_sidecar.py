@@ -5,6 +5,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import load_recording, load_recordings
+from jbridge.recordings.tables.columns import Column
 
 
 def renamed(columns: dict, **names: str) -> dict:
@@ -83,6 +84,40 @@ def test_a_column_can_be_left_out(write, columns):
     recording = load_recording(write(columns, "[columns]\nu_l = false\n"))
     assert (recording.u_l, recording.has_hoist, recording.locked_length) == (None, False, 0.7)
     assert recording.extras == {}
+
+
+@pytest.mark.parametrize("late", [1, 3, -2])
+def test_an_input_that_is_logged_late_is_moved_to_the_row_from_which_on_it_acts(write, columns, late):
+    """What is logged `late` rows below its own stands in its own, and no other channel is moved."""
+    u = np.sin(7 * columns["t"])
+    logged = np.interp(np.arange(u.size) - late, np.arange(u.size), u)  # at an end, the value of the end
+    recording = load_recording(write(columns | {"u_x": logged}, f"[columns]\nu_x = {{late = {late}}}\n"))
+    acts = u.copy()
+    acts[-late:] = u[-1 - late] if late > 0 else acts[-late:]
+    acts[:-late] = u[-late] if late < 0 else acts[:-late]
+    np.testing.assert_array_equal(recording.u_x, acts)
+    np.testing.assert_array_equal(recording.u_l, columns["u_l"])
+    np.testing.assert_array_equal(recording.x, columns["x"])
+
+
+def test_a_late_input_is_moved_before_rows_are_left_out(write, columns):
+    """Rows count as the file has them: those that are trimmed off, and one of two that have the same time, too."""
+    columns["u_x"], columns["t"][121] = np.arange(400.0), columns["t"][120]
+    path = write(columns, "[columns]\nu_x = {late = 1}\n[trim]\nstart = 0.5\nstop = 1.5\n")
+    recording = load_recording(path)
+    kept = np.delete(np.arange(100, 301), 21)
+    np.testing.assert_array_equal(recording.u_x, kept + 1)
+    np.testing.assert_array_equal(recording.earlier.u_x, np.arange(100) + 1)
+
+
+def test_a_wrong_number_of_a_late_input_is_named_by_its_row(write, columns, refusal):
+    columns["u_x"][200] = np.inf
+    assert "row 202, column u_x: the value is infinite" in refusal(write(columns, "[columns]\nu_x = {late = 1}\n"))
+
+
+def test_a_line_that_mends_a_late_input_says_so():
+    line = Column("motor", "V", sign=-1.0, late=1).line("u_x")
+    assert line == 'u_x = {column = "motor", unit = "V", sign = -1, late = 1}'
 
 
 def test_all_that_is_declared_arrives(write, columns):
@@ -176,6 +211,18 @@ start = 0.5
     assert (recording.times[0], recording.times[-1]) == pytest.approx((0.5, 1.5))
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_narrower_pattern_comes_before_a_wider_one(write, columns, order):
+    """In whatever order they stand; what the narrower one does not say, the wider one does."""
+    tables = [
+        '["*.csv".override]\nload_mass = 0.1\ncart_mass = 5.0\ngravity = 9.8\n',
+        '["r*.csv".override]\nload_mass = 0.2\ncart_mass = 6.0\n',
+        '["r?n*.csv".override]\nload_mass = 0.3\n',
+    ]
+    write(columns, "\n".join(tables[k] for k in order), sidecar_name="recordings.toml")
+    assert load_recording(write(columns)).override == {"load_mass": 0.3, "cart_mass": 6.0, "gravity": 9.8}
+
+
 @pytest.mark.parametrize("form", ["[override]\nload_mass = 0.2\n", '["run.csv".override]\nload_mass = 0.2\n'])
 def test_a_sidecar_can_lie_elsewhere(write, columns, tmp_path, form):
     elsewhere = tmp_path / "mine"
@@ -215,6 +262,9 @@ REFUSED = {
     "scale of an input": ("[columns]\nu_x = {unit = 'count', scale = 2}", ["u_x", "takes no scale"]),
     "radius of volts": ("[columns]\nu_x = {radius = 0.03}", ["u_x", "radius", 'unit = "N m"']),
     "radius of zero": ("[columns]\nu_x = {unit = 'N m', radius = 0}", ["radius must be above 0"]),
+    "late angle": ("[columns]\npsi = {late = 1}", ["[columns], psi", "late is for inputs (u_x, u_l) only"]),
+    "late by half a row": ("[columns]\nu_x = {late = 0.5}", ["u_x", "late must be a whole number of rows, not 0.5"]),
+    "late at all": ("[columns]\nu_x = {late = true}", ["u_x", "late must be a number"]),
     "scale of zero": ("[columns]\nx = {scale = 0}", ["scale must be above 0"]),
     "sign of two": ("[columns]\nx = {sign = 2}", ["sign must be 1 or -1", "2"]),
     "offset is text": ("[columns]\nx = {offset = '1'}", ["offset must be a number", "'1'"]),
@@ -250,6 +300,11 @@ def test_refused(write, columns, sidecar, needles):
     assert [needle for needle in ["run.toml", *needles] if needle not in message] == []
 
 
+def test_an_input_is_not_later_than_the_file_is_long(write, columns, refusal):
+    message = refusal(write(columns, "[columns]\nu_x = {late = -400}\n"))
+    assert "column u_x: late = -400 rows, of 400 that the file has" in message
+
+
 SECTIONS = {name: case for name, case in REFUSED.items() if case[0].startswith("[") and "not TOML" not in case[1]}
 
 
@@ -274,6 +329,10 @@ def test_refused_in_a_folders_file(write, columns, sidecar, needles):
         (
             '["r*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstart = 2',
             ["'r*.csv', '*n.csv'", "trim.start", '["run.csv".trim]'],
+        ),
+        (
+            '["*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstop = 2\n["[r]*n.csv".trim]\nstop = 1.5',
+            ["'[r]*n.csv', '*n.csv'", "trim.stop", '["run.csv".trim]'],
         ),
     ],
 )

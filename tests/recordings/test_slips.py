@@ -9,7 +9,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.recordings import inspect_recordings, load_recording
-from jbridge.report.check import gathered
+from jbridge.report.check import shared_problems
 
 RECORDED = Path(__file__).parent / "whole_bridge.csv"
 Columns = dict[str, np.ndarray]
@@ -247,6 +247,57 @@ def test_all_problems_are_found_at_once(tmp_path):
     assert len(inspected.problems) == 2  # x, which mends u_x and psi, and u_l
 
 
+LACKING = {
+    "no time": (renamed(t="seconds_of_day"), ["no column t"]),
+    "time, positions and angle": (
+        only("time u_x position theta", renamed(t="time", x="position", psi="theta")),
+        ["declare t =", "declare x =", "declare psi =", "unknown length"],
+    ),
+    "time and inputs": (
+        only("time volts x psi", renamed(t="time", u_x="volts")),
+        ["declare t =", "x but no u_x", "unknown length"],
+    ),
+    "a time that nothing tells": (
+        only("a u_x b psi", renamed(t="a", x="b")),
+        ["no column t", "unknown length"],
+    ),
+    "time and measurements": (
+        only("time u_x b c", renamed(t="time", x="b", psi="c")),
+        ["declare t =", "u_x varies, but there is no x"],
+    ),
+    "inputs and angle": (only("t volts x theta", renamed(u_x="volts", psi="theta")), ["psi =", "x but no u_x", "unk"]),
+    "nothing measured": (only("t u_l"), ["nothing measured", "u_l but no l"]),
+}
+
+
+@pytest.mark.parametrize(("columns", "needles"), LACKING.values(), ids=LACKING)
+def test_what_is_missing_is_told_at_once(tmp_path, columns, needles):
+    """One line each, of which other commands refuse the file with the first; with --force, too, there is a reason."""
+    path = tmp_path / "run.csv"
+    path.write_text(table(columns))
+    (inspected,) = inspect_recordings([path])
+    assert len(inspected.problems) == len(needles), inspected.problems
+    for needle, problem in zip(needles, inspected.problems, strict=True):
+        assert needle in problem and problem.isprintable()
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    assert str(caught.value) == inspected.problems[0]
+    with pytest.raises(InputError) as caught:
+        load_recording(path, force=True)
+    assert str(caught.value) == inspected.refusal
+
+
+def test_lines_for_all_that_is_missing_mend_it(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(table(only("time volts position theta", renamed(t="time", u_x="volts", x="position", psi="theta"))))
+    (inspected,) = inspect_recordings([path])
+    lines = [line[1] for problem in inspected.problems if (line := MENDS.search(problem))]
+    assert len(lines) == 4 and len(inspected.problems) == 5
+    (tmp_path / "run.toml").write_text("[columns]\n" + "\n".join(lines) + "\n[locked]\nl = 0.7\n")
+    recording = load_recording(path, force=True)
+    np.testing.assert_array_equal(recording.psi, TRUTH["psi"])
+
+
 @pytest.mark.parametrize("names", [("a-1.csv",), ("a-1.csv", "a-2.csv")])
 def test_the_line_belongs_into_the_table_that_declares_the_channel(tmp_path, names):
     """Another pattern that fits must not say the same, and the line in the place that is named mends it."""
@@ -256,7 +307,7 @@ def test_the_line_belongs_into_the_table_that_declares_the_channel(tmp_path, nam
     paths = [tmp_path / name for name in names]
     for path in paths:
         path.write_text(table(renamed(x="way") | {"way": 1e3 * TRUTH["x"]}))
-    said = gathered(inspect_recordings(paths))
+    said = shared_problems(inspect_recordings(paths))
     assert len(said) == 1
     line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
     assert place == '["a-*.csv".columns]'
@@ -271,7 +322,7 @@ def test_a_line_contradicts_no_table_of_other_recordings(tmp_path):
     folder.write_text('["*.csv".override]\ngravity = 9.8\n\n["b*.csv".columns]\nx = "pos"\n')
     for path in paths:
         path.write_text(table(renamed(x="pos")))
-    said = gathered(inspect_recordings(paths))
+    said = shared_problems(inspect_recordings(paths))
     assert len(said) == 1
     line, place = re.search(r'declare (x = \{.*?\}) under (\[.*?"\.columns\]) in recordings.toml', said[0]).groups()
     folder.write_text(f"{folder.read_text()}\n{place}\n{line}\n")

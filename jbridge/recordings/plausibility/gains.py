@@ -96,3 +96,19 @@ def check_gains(names: Sequence[object], recordings: Sequence[Recording]) -> Non
             f"{names[worst]}, column {name}: the rig moves {ratio:.2g} times as much per {unit} as in {names[other]};"
             f" {remedy(recordings[worst], name, ratio)}, or correct the numbers{FORCE}"
         )
+
+
+def check_units(names: Sequence[object], recordings: Sequence[Recording]) -> None:
+    """Raises an InputError where recordings, called by these names, give one input in two units."""
+    for name in INPUTS:
+        first: dict[str, object] = {}
+        for path, recording in zip(names, recordings, strict=True):
+            unit = recording.units.get(name)
+            if unit and first and unit not in first:
+                other, before = next(iter(first.items()))
+                raise InputError(
+                    f"{path}, column {name}: in {unit}, but in {other} in {before}; a gain has one unit:"
+                    " declare the same for all recordings"
+                )
+            if unit:
+                first.setdefault(unit, path)

@@ -1,20 +1,19 @@
-"""Columns that are plainly in another unit than declared, or called otherwise.
+"""Columns that are plainly in another unit than declared.
 
 Sizes show a unit: no laboratory's rail is 20 m long. What sizes leave open shows in the load's equation of motion.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
-from jbridge.errors import InputError, cut, listed
+from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, excess_of_angle, with_longer_unit
 from jbridge.recordings.plausibility.drive import CELL
 from jbridge.recordings.plausibility.motion import swing_cells, swing_terms
 from jbridge.recordings.plausibility.refusals import FORCE, refusal
-from jbridge.recordings.tables.columns import UNITS, labelled_columns, plain_column
+from jbridge.recordings.tables.columns import UNITS, labelled_columns
 
 LONGEST = 20.0
 """Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
@@ -30,50 +29,6 @@ LEFT_OUT = 6
 LEAST = {"x": (0.02, 200.0), "l": (0.02, 200.0), "psi": (0.05, 1000.0)}
 """Step [m, rad], beyond those of the rows around, that is more than a few counts that a sensor missed, and acceleration
 [m/s², rad/s²] that no rig reaches."""
-
-
-def doubtful_names(channels: Channels, locked: bool) -> Iterator[InputError]:
-    """Yields the refusals of columns that are nearly called like a channel that is missing and needed.
-
-    Args:
-        channels: of the recording.
-        locked: whether the rope's length is declared.
-    """
-    there, near = channels.values.keys(), channels.near.keys()
-    # Where an axis lacks its partner the recording is refused in any case.
-    needed = (
-        {"x", "psi"} | ({"u_x"} if "x" in near else set()) | ({"l"} if not locked and "u_l" not in there else set())
-    )
-    for channel, column in channels.near.items():
-        if channel in needed:
-            yield InputError(
-                f"{channels.table.header}, column {cut(column.name)}: not used, and there is no {channel}; declare"
-                f" {column.line(channel)} under {channels.place(channel)}, or {channel} = false if it is something"
-                f" else{FORCE}"
-            )
-
-
-def doubtful_absence(channels: Channels, locked: bool) -> Iterator[InputError]:
-    """Yields the refusals of a cart or a swing that is missing, though other declarations speak of it, where columns of
-    other names may be it.
-
-    Args:
-        channels: of the recording.
-        locked: whether the rope's length is declared.
-    """
-    values, others = channels.values, listed(map(cut, channels.extras))
-    driven = "u_x" in values and np.ptp(values["u_x"]) > 0
-    for channel, there, why in (
-        ("x", driven, "u_x varies, but there is no x that it moves"),
-        ("psi", locked and "x" in values, "the rope is declared locked, but there is no psi"),
-    ):
-        known = values.keys() | channels.near.keys() | channels.left_out
-        if there and channel not in known and channels.extras:
-            line = replace(plain_column(channel), name=next(iter(channels.extras))).line(channel)
-            yield InputError(
-                f"{channels.table.header}: {why}; if it is one of the columns not used, {others}, declare it, such as"
-                f" {line}, under {channels.place(channel)}, otherwise {channel} = false{FORCE}"
-            )
 
 
 def doubtful_units(channels: Channels) -> Iterator[InputError]:

@@ -88,14 +88,25 @@ class Column:
     """Size of one count [m, rad or s], for a measured channel in counts."""
     radius: float | None = None
     """Of the pulley or drum on which a torque acts [m], for an input in N m."""
+    late: int = 0
+    """Rows by which an input is logged too late: what acts from a row on stands that many rows below it."""
 
     def convert(self, raw: np.ndarray, channel: str) -> np.ndarray:
-        """Returns the channel in SI units (inputs: in `input_unit`)."""
+        """Returns the channel in SI units (inputs: in `input_unit`), each value in the row from which on it acts.
+
+        The last value is that of the rows below it, too, and the first one that of the rows above it.
+        """
+        if self.late:
+            raw = raw[self.logged_in(np.arange(raw.size), raw.size)]
         size = UNITS[channel][self.unit] if self.scale is None else self.scale
         if (self.sign, self.offset, size) == (1.0, 0.0, 1.0):
             return raw
         with np.errstate(over="ignore"):  # what overflows is found, and refused, as infinite
             return self.sign * size * (raw - self.offset)
+
+    def logged_in(self, rows: np.ndarray, count: int) -> np.ndarray:
+        """Returns the rows, of so many, in which the file has what acts from the given rows on."""
+        return np.clip(rows + self.late, 0, count - 1)
 
     def line(self, channel: str) -> str:
         """Returns the line of `[columns]` that declares it for a channel, with `...` for what is open."""
@@ -107,6 +118,7 @@ class Column:
         counted = self.unit == "count" and channel not in GAINS
         parts += [f"scale = {self.scale:g}"] if self.scale is not None else ["scale = ..."] if counted else []
         parts += [f"radius = {self.radius:g}"] if self.radius is not None else []
+        parts += [f"late = {self.late}"] if self.late else []
         return f"{channel} = {{{', '.join(parts)}}}"
 
     @property
@@ -131,7 +143,7 @@ def labelled_columns(channel: str, names: Iterable[str]) -> list[Column]:
     """Returns the columns whose name is a channel's and a unit, which says all that a declaration would.
 
     >>> labelled_columns("x", ["t [s]", "x [mm]"])
-    [Column(name='x [mm]', unit='mm', sign=1.0, offset=0.0, scale=None, radius=None)]
+    [Column(name='x [mm]', unit='mm', sign=1.0, offset=0.0, scale=None, radius=None, late=0)]
     """
     found = []
     for name in names:
@@ -156,7 +168,7 @@ def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = Ma
         told: units that the file gives elsewhere, by the name of the column.
 
     >>> near_column("psi", ["t", "x_ref", "angle_raw", "Theta (deg)"])
-    Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None)
+    Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None, late=0)
     """
     found: list[tuple[int, Column]] = []
     for name in names:
