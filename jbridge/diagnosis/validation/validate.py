@@ -1,7 +1,7 @@
 """What a hold-out says of a model whose structure is fixed; the only part of a diagnosis that has it.
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
-the unit of the criterion, is tested over blocks. What is not confirmed goes, the least first, and the others are judged
+the unit of the criterion, is tested over blocks. What is not missed goes, the least first, and the others are judged
 once more: of two effects of which either would do, neither is missed beside the other. An effect without which the
 hold-out is met worse is confirmed if, in the channel whose error it changes most, it takes more off the square of the
 typical error than is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most like
@@ -152,8 +152,8 @@ def validate(
     blocks = _blocks(setting, complete)
     judged: dict[Name, Checked] = {}
     judged_without: dict[Name, int] = {}
-    # Of two effects of which either would do, neither is missed: what matters least goes, and the others are judged
-    # without it, those in doubt first.
+    # Of two effects of which either would do, neither is missed: the one that is missed least goes, and the others are
+    # judged without it, those in doubt first.
     while time.monotonic() < deadline or not judged:
         due = [n for n in every.names if n not in left_out and judged_without.get(n) != len(left_out)]
         due = [n for n in due if n not in judged or judged[n].status != "confirmed"] or due
@@ -169,9 +169,9 @@ def validate(
             expected = _summed(excited, blocks).sum(axis=1)
             judged[name] = _checked(name, loss, expected, before, beside, run)
             judged_without[name] = len(left_out)
-        in_doubt = [name for name in due if judged[name].status != "confirmed"]
-        if in_doubt:
-            least = min(in_doubt, key=lambda name: judged[name].steady)
+        not_missed = [n for n in due if judged[n].status == "event" or judged[n].steady <= CRITERIA.sure]
+        if not_missed:
+            least = min(not_missed, key=lambda name: judged[name].steady)
             # What the hold-out is met better without is no part of the model.
             if len(refuted) == len(left_out) and (judged[least].status == "event" or judged[least].steady < 0.0):
                 refuted.append(least)
