@@ -9,7 +9,7 @@ from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.parts import MOST_MOTION
 from jbridge.recordings.plausibility.drive import CELL
-from jbridge.recordings.plausibility.motion import Cells, Samples, in_cells
+from jbridge.recordings.plausibility.motion import Cells, Samples, in_cells, rope
 from jbridge.recordings.plausibility.refusals import FORCE
 
 AXES = {"u_x": "x", "u_l": "l"}
@@ -46,7 +46,7 @@ def unlogged_inputs(
         locked_length: of the rope [m], where there is no `l`.
     """
     times, psi = channels.values["t"], samples.get("psi")
-    l = samples.get("l", None if locked_length is None else (times[[0, -1]], np.full(2, locked_length)))
+    l = rope(times, samples, locked_length)
     for name, axis in AXES.items():
         u = channels.values.get(name)
         if u is None or axis not in samples or np.any(u != 0):

@@ -61,6 +61,12 @@ class Cells:
         return (v[2:] - 2 * v[1:-1] + v[:-2]) / self.length**2
 
 
+def rope(times: np.ndarray, samples: Mapping[str, Samples], locked_length: float | None) -> Samples | None:
+    """Returns the samples of the rope's length [m], the same at both ends of the times [s] where it is locked."""
+    constant = None if locked_length is None else (times[[0, -1]], np.full(2, locked_length))
+    return samples.get("l", constant)
+
+
 def in_cells(
     length: float,
     times: np.ndarray,

@@ -14,6 +14,7 @@ from jbridge.recordings.plausibility.motion import (
     Samples,
     certainly_better,
     misread_swing,
+    rope,
     swing_cells,
     swing_terms,
 )
@@ -38,9 +39,7 @@ def doubtful_signs(
         locked_length: of the rope [m], where there is no `l`.
     """
     times, values = channels.values["t"], channels.values
-    x, psi, l = (samples.get(name) for name in ("x", "psi", "l"))
-    if l is None and locked_length is not None:
-        l = times[[0, -1]], np.full(2, locked_length)
+    x, psi, l = samples.get("x"), samples.get("psi"), rope(times, samples, locked_length)
     if x is not None and psi is not None and l is not None and is_swapped(times, psi, x, l):
         yield exchange(channels, "x", "psi")
         return
