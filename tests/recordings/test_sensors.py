@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jbridge
 from jbridge import InputError
@@ -49,6 +50,32 @@ def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, colu
     mended = jbridge.load_recording(name)
     assert not any("hangs at" in each for each in mended.notes)
     np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
+
+
+def swings_like(length: float, declared: float) -> list[float]:
+    """Lengths of the notes on a load that swings on a rope of another length than declared, by SciPy's solver."""
+    t = np.arange(0.0, 12.0, 0.01)
+    cart = 0.2 * np.sin(1.3 * t)
+
+    def fall(now: float, state: np.ndarray) -> list[float]:
+        pull = 9.81 * np.sin(state[0]) - 0.2 * 1.3**2 * np.sin(1.3 * now) * np.cos(state[0])
+        return [state[1], -pull / length - 0.05 * state[1]]
+
+    psi = solve_ivp(fall, (0.0, 12.0), [0.4, 0.0], t_eval=t, rtol=1e-9, atol=1e-9).y[0]
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((2, t.size))
+    recording = jbridge.Recording.from_arrays(
+        t=t, x=cart + noise[0], psi=psi + noise[1], u_x=np.cos(1.3 * t), sidecar={"locked": {"l": declared}}
+    )
+    found = (re.search(r"swings as on a rope of (\S+) m", note) for note in recording.notes)
+    return [float(match[1]) for match in found if match]
+
+
+@pytest.mark.parametrize("length", [0.15, 0.4, 1.2])
+def test_the_length_on_which_a_load_swings_is_told_where_another_one_is_declared(length):
+    assert swings_like(length, length) == []
+    for declared in (0.8, 1.25):
+        [found] = swings_like(length, declared * length)
+        assert found == pytest.approx(length, rel=0.01)
 
 
 def test_a_pendulum_above_its_pivot_does_not_hang():

@@ -44,11 +44,14 @@ class Cells:
     """True where a cell, and the two after it, hold no gap."""
     values: Mapping[str, np.ndarray]
     """Mean of each channel by cell."""
+    inputs: frozenset[str] = frozenset()
+    """Channels that change in steps."""
 
     def middle(self, name: str) -> np.ndarray:
-        """Returns a channel as seen by the kernel of the second difference, a quadratic B-spline."""
-        v = self.values[name]
-        return (v[:-2] + 4 * v[1:-1] + v[2:]) / 6
+        """Returns a channel as seen by the kernel of the second difference, which is a triangle over running means:
+        exact where these are cubic, as Numerov weights them, or for an input that is constant in each cell."""
+        v, centre = self.values[name], 4 if name in self.inputs else 10
+        return (v[:-2] + centre * v[1:-1] + v[2:]) / (centre + 2)
 
     def rate(self, name: str) -> np.ndarray:
         """Returns the first derivative, by central differences."""
@@ -103,7 +106,7 @@ def in_cells(
             first, last = np.searchsorted(edges, [start, stop])
             gaps[max(first - 1, 0) : last] = True
     whole = ~(gaps[:-2] | gaps[1:-1] | gaps[2:])
-    return Cells(length, whole, values)
+    return Cells(length, whole, values, frozenset(inputs))
 
 
 def certainly_better(errors: np.ndarray, other: np.ndarray, worse: float = WORSE) -> bool:
@@ -151,8 +154,12 @@ class SwingTerms:
     def about(self, way: float, factor: float = 1.0) -> np.ndarray:
         """Returns the same where the angle's zero is near hanging (`way` 1), or near upright (-1)."""
         force = self.weight + factor * self.carried
-        share = -np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300)
-        return np.clip(way * share, 0.5, 2.0) * self.turning + way * force
+        return np.clip(way * self.share(factor), 0.5, 2.0) * self.turning + way * force
+
+    def share(self, factor: float) -> float:
+        """Returns the rope's length over the one read with which the equation leaves least."""
+        force = self.weight + factor * self.carried
+        return -float(np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300))
 
 
 def swing_terms(cells: Cells) -> SwingTerms:

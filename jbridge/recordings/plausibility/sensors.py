@@ -107,7 +107,33 @@ def sensor_notes(
                 f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
                 f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
             )
+        swings_like = length_of_swing(samples["psi"], samples.get("x"), l, length)
+        if swings_like is not None:
+            wrong = "declare it under [locked]" if l is None else "declare the offset of l"
+            notes.append(
+                f"The load swings as on a rope of {swings_like:.3g} m, and not of {length:.3g} m: if the length is"
+                f" wrong, {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
+            )
     return notes
+
+
+def length_of_swing(psi: Samples, x: Samples | None, l: Samples | None, length: float) -> float | None:
+    """Returns the length of a rope [m] on which a load swings as this one does, if it certainly is another one.
+
+    Args:
+        psi: times [s] and values of the angle's samples.
+        x: of the cart's position, if there is a cart.
+        l: of the rope's length, if it is measured.
+        length: of the rope [m], in the mean.
+    """
+    position = (psi[0], np.zeros(psi[0].size)) if x is None else x
+    cells = swing_cells(psi[0], psi, position, (psi[0], np.full(psi[0].size, length)) if l is None else l)
+    if cells is None:
+        return None
+    terms = swing_terms(cells)
+    share = terms.share(1.0)
+    as_read, otherwise = (each * terms.turning + terms.weight + terms.carried for each in (1.0, share))
+    return share * length if share > 0.0 and certainly_better(as_read, otherwise) else None
 
 
 def falls_away(psi: Samples, x: Samples, l: Samples) -> bool:
