@@ -147,36 +147,59 @@ def step_edges(plant: Plant, given: Supply, substeps: int) -> Float[Array, "hist
         given: the lane's held inputs.
         substeps: steps of an interval, or of every part of it.
     """
-    edges = given.edges
-    begin, end = edges[:-1], edges[1:]
-    # Rounding may put a change a hair beside an edge or another one, and no force can be judged between the two.
-    hair = 1e-9 * (end - begin) + 4.0 * jnp.finfo(edges.dtype).eps * jnp.max(jnp.abs(edges))
-    cuts = []
-    for axis, held in (("x", given.x), ("l", given.l)):
-        delay = _dead_time(plant, axis)
-        if _on(plant, axis, InputDelay):
-            j = jnp.minimum(jnp.searchsorted(edges, begin - delay + hair, side="left"), edges.shape[0] - 1)
-            cuts.append(jnp.clip(edges[j] + delay, begin, end))
-        if _on(plant, axis, StartDelay):
-            # A span of time that is late by a part of an interval begins in one and ends in the next.
-            k = _interval_at(edges, begin - delay + hair)
-            first, second = held.acts[k] + delay, held.acts[jnp.minimum(k + 1, end.shape[0] - 1)] + delay
-            none = (held.inputs[k] == 0.0) | (first < begin + hair)
-            cuts.append(jnp.clip(jnp.where(none, second, first), begin, end))
-    parts = [begin]
+    begin, end = given.edges[:-1], given.edges[1:]
+    cuts = [_change(plant, given, late, begin, end) for late in plant.all(AbstractDelay)]
+    hair, parts = _hair(given.edges, begin, end), [begin]
     for change in jnp.sort(jnp.stack(cuts), axis=0) if len(cuts) > 1 else cuts:
         parts.append(jnp.where(change < parts[-1] + hair, parts[-1], jnp.where(change > end - hair, end, change)))
     return _divided(jnp.stack([*parts, end], axis=1), substeps)
 
 
-def even_steps(edges: Float[Array, " edge"], substeps: int) -> Float[Array, "interval step"]:
-    """The same of some intervals in which all changes of a late input count by their moments, in a third of the steps.
+def equal_steps(
+    plant: Plant, given: Supply, edges: Float[Array, " edge"], substeps: int
+) -> Float[Array, "interval step"]:
+    """The same of some intervals in a third of the steps: they are equal but for one, if there are several, that is
+    moved to where a late input changes. All other changes count by their moments.
 
     Args:
+        plant: what moves.
+        given: the lane's held inputs.
         edges: of the intervals [s].
         substeps: steps of an interval.
     """
-    return _divided(jnp.stack([edges[:-1], edges[1:]], axis=1), substeps)
+    begin, end = edges[:-1], edges[1:]
+    steps = _divided(jnp.stack([begin, end], axis=1), substeps)
+    if substeps < 2:
+        return steps
+    hair, number = _hair(given.edges, begin, end), jnp.arange(substeps + 1.0, dtype=steps.dtype)
+
+    def moved(late: AbstractDelay, steps: Array) -> Array:
+        change = _change(plant, given, late, begin, end)
+        share = (change - begin) / jnp.where(end > begin, end - begin, 1.0)
+        nearest = jnp.clip(jnp.round(substeps * share), 1, substeps - 1)
+        within = (change > begin + hair) & (change < end - hair)
+        return jnp.where(within[:, None] & (number[None] == nearest[:, None]), change[:, None], steps)
+
+    return plant.after_each(moved, steps, plant.all(AbstractDelay))
+
+
+def _hair(edges: Array, begin: Array, end: Array) -> Array:
+    """By how much rounding may put a change beside an edge or another one [s]: no force is judged between the two."""
+    return 1e-9 * (end - begin) + 4.0 * jnp.finfo(edges.dtype).eps * jnp.max(jnp.abs(edges))
+
+
+def _change(plant: Plant, given: Supply, late: AbstractDelay, begin: Array, end: Array) -> Array:
+    """When a late input changes in some intervals [s], at an end of those in which it does not."""
+    edges, hair, axis = given.edges, _hair(given.edges, begin, end), AXIS_OF_SITE[late.site]
+    delay, held = _dead_time(plant, axis), given.x if axis == "x" else given.l
+    if isinstance(late, InputDelay):
+        j = jnp.minimum(jnp.searchsorted(edges, begin - delay + hair, side="left"), edges.shape[0] - 1)
+        return jnp.clip(edges[j] + delay, begin, end)
+    # A span of time that is late by a part of an interval begins in one and ends in the next.
+    k = _interval_at(edges, begin - delay + hair)
+    first, second = held.acts[k] + delay, held.acts[jnp.minimum(k + 1, held.acts.shape[0] - 1)] + delay
+    none = (held.inputs[k] == 0.0) | (first < begin + hair)
+    return jnp.clip(jnp.where(none, second, first), begin, end)
 
 
 def _divided(parts: Float[Array, "interval part"], substeps: int) -> Float[Array, "interval step"]:
@@ -247,7 +270,7 @@ def drive_inputs(
     if given is None:
         given = supply(plant, lane)
     if steps is None:
-        steps = even_steps(given.edges, 1)
+        steps = equal_steps(plant, given, given.edges, 1)
     mean, early = arriving(plant, given, steps, 0)
     return Drives(mean[n:], early[n:], lags_at_start(plant, lane, steps[:n], mean[:n]))
 

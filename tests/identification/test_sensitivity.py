@@ -14,7 +14,7 @@ from jbridge.identification.sensitivity.windowed_rollout import BLOCK, Stepping,
 from jbridge.identification.setting import make_setting
 from jbridge.identification.solver import variable_projection
 from jbridge.model.files import Model
-from jbridge.simulation.runge_kutta import MIDPOINT
+from jbridge.simulation.runge_kutta import MIDPOINT, RK4
 from tests.identification.cases import play, steps
 from tests.problems import EVERY_AXIS, NUMBERS, make_lane, make_plant, measure, simulate
 
@@ -111,6 +111,22 @@ def test_a_shift_is_one_of_readings():
     job = Job(start.vector, 0, tiling.begins, tiling.states)
     [plain, shifted] = engine.predict([job, job._replace(shifted=np.array([at]), shifts=shift[None])])
     np.testing.assert_allclose(shifted[at] - plain[at], shift[:3], atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.0013, 0.0092, 0.0468])
+def test_an_input_late_by_a_part_of_a_step_is_as_exact_as_one_that_is_not(delay):
+    """Against steps that are cut where the input changes, so short that dead zone and friction leave no error."""
+    friction = [("coulomb_friction", "cart", {"level": 3.0}), ("dead_zone", "cart_drive", {"positive": 0.3})]
+    errors = []
+    for late in (0.0, delay):
+        plant = make_plant(*friction, ("input_delay", "cart_drive", {"delay": late}), swing_damping=0.01)
+        problem, engine, start, inputs = problem_of(plant, (WHOLE,))
+        tiling, count = problem.data.tilings[0], problem.data.grids[0].intervals
+        [predicted] = engine.predict([Job(start.vector, 0, tiling.begins, tiling.states)])
+        lane = make_lane(inputs[0][:count], 0.01, active=EVERY_AXIS)
+        moved = simulate(plant, jnp.asarray(tiling.states[0]), lane, substeps=32, method=RK4)
+        errors.append(np.abs(predicted[: count + 1] - measure(plant, lane, moved)).max(axis=0))
+    assert (errors[1] < 2.0 * errors[0] + 1e-9).all(), errors
 
 
 def test_late_readings_and_inputs_reach_back_over_blocks():
