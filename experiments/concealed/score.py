@@ -180,7 +180,12 @@ def holdout(report: dict, when: str) -> float | None:
 def nested(report: dict) -> dict:
     """How many models with an effect more were fitted, how many of them ended worse than the model that they contain,
     and how many would have, had they not been fitted again from there."""
-    trials = [t for t in report.get("trials", []) if t["change"] == "added"]
+    moves: dict[tuple, list[dict]] = {}
+    for trial in report.get("trials", []):
+        moves.setdefault((trial["round"], trial["gain"], trial["price"]), []).append(trial)
+    # What takes the place of another effect contains no other model.
+    larger = [own for own in moves.values() if all(t["change"] == "added" for t in own)]
+    trials = [t for own in larger for t in own]
     worse = sum(t["gain"] < -1e-6 for t in trials)
     return {"larger": len(trials), "worse": worse, "restarted": sum(t.get("restarted", False) for t in trials)}
 
