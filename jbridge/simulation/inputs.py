@@ -155,11 +155,12 @@ def step_edges(plant: Plant, given: Supply, substeps: int) -> Float[Array, "hist
     return _divided(jnp.stack([*parts, end], axis=1), substeps)
 
 
-def equal_steps(
+def fixed_steps(
     plant: Plant, given: Supply, edges: Float[Array, " edge"], substeps: int
 ) -> Float[Array, "interval step"]:
-    """The same of some intervals in a third of the steps: they are equal but for one, if there are several, that is
-    moved to where a late input changes. All other changes count by their moments.
+    """The same of some intervals with a fixed number of steps, a third as many: edges within an interval lie evenly,
+    but for the one nearest to where a late input changes, which is moved there. Where there is no edge to be moved, or
+    another change has moved it, a change counts by its moments.
 
     Args:
         plant: what moves.
@@ -270,7 +271,7 @@ def drive_inputs(
     if given is None:
         given = supply(plant, lane)
     if steps is None:
-        steps = equal_steps(plant, given, given.edges, 1)
+        steps = fixed_steps(plant, given, given.edges, 1)
     mean, early = arriving(plant, given, steps, 0)
     return Drives(mean[n:], early[n:], lags_at_start(plant, lane, steps[:n], mean[:n]))
 

@@ -17,7 +17,7 @@ from ...model.effects.base import AbstractSensor
 from ...model.effects.sensors import SensorDelay, SensorScale
 from ...model.parameters import ParameterTable
 from ...model.plant import Motion, Plant
-from ...simulation.inputs import Lane, arriving, equal_steps, in_true_time, lags_at_start, supply
+from ...simulation.inputs import Lane, arriving, fixed_steps, in_true_time, lags_at_start, supply
 from ...simulation.measurement import History, encoded, sensed
 from ...simulation.runge_kutta import MIDPOINT, RK4, Interval, advance, intervals
 from ...simulation.state import Motions, start
@@ -139,7 +139,7 @@ def _simulated(
     lane = in_true_time(plant, _padded(lane, blocks * BLOCK))
     restart, states = (_lengthened(part, blocks * BLOCK) for part in (restart, states))
     given = supply(plant, lane)
-    before = equal_steps(plant, given, given.edges[: earlier + 1], steps.number)
+    before = fixed_steps(plant, given, given.edges[: earlier + 1], steps.number)
     lags = lags_at_start(plant, lane, before, arriving(plant, given, before, 0)[0])
     method = RK4 if steps.fine else MIDPOINT
     late = tuple(plant.all(SensorDelay))
@@ -169,7 +169,7 @@ def _simulated(
         motions, history = carry
         begin = number * BLOCK
         edges = own(given.edges, earlier + begin, BLOCK + 1)
-        cut = equal_steps(plant, given, edges, steps.number)
+        cut = fixed_steps(plant, given, edges, steps.number)
         told = intervals(plant, cut, *arriving(plant, given, cut, earlier + begin))
         begins = own(restart, begin)
         q, v = behind(edges[:-1], own(states, begin), begins)

@@ -12,9 +12,11 @@ from jbridge.recordings.hold import Hold
 from jbridge.recordings.plausibility.motion import (
     CERTAIN,
     STRETCH,
+    Cells,
     Samples,
     certainly_better,
     in_cells,
+    rope,
     swing_cells,
     swing_terms,
 )
@@ -89,60 +91,60 @@ def sensor_notes(
                 f" ends there, or it hangs{other}; leave such stretches out ([trim], or delete their rows)."
             )
     if "psi" in samples and length is not None:
-        rest = abs(float(np.median(samples["psi"][1])))
-        if channels.columns["psi"].offset == 0 and abs(rest % (2 * np.pi) - np.pi) < NEAR_UPRIGHT:
-            position = samples.get("x", (samples["psi"][0], np.zeros(samples["psi"][0].size)))
-            rope = (samples["psi"][0], np.full(samples["psi"][0].size, length)) if l is None else l
-            if falls_away(samples["psi"], position, rope):
-                notes.append(
-                    f"The angle rests near {rest:.3g} rad, and the load falls away from 0: its zero is upright; declare"
-                    " the reading at hanging as the offset of psi."
-                )
-        angle = hanging(samples["psi"], samples.get("x"), l, length)
-        if FAR < abs(angle) < FARTHEST:
-            column = channels.columns["psi"]
-            size = UNITS["psi"][column.unit] if column.scale is None else column.scale
-            zero = float(f"{column.offset + column.sign * angle / size:.3g}")
-            notes.append(
-                f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
-                f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
-            )
-        swings_like = length_of_swing(samples["psi"], samples.get("x"), l, length)
-        if swings_like is not None:
-            wrong = "declare it under [locked]" if l is None else "declare the offset of l"
-            notes.append(
-                f"The load swings as on a rope of {swings_like:.3g} m, and not of {length:.3g} m: if the length is"
-                f" wrong, {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
-            )
+        times, psi = samples["psi"]
+        position, l = samples.get("x", (times, np.zeros(times.size))), rope(times, samples, length)
+        cells = None if l is None else swing_cells(times, samples["psi"], position, l)
+        if cells is not None:
+            notes += swing_notes(channels, cells, psi, length)
     return notes
 
 
-def length_of_swing(psi: Samples, x: Samples | None, l: Samples | None, length: float) -> float | None:
-    """Returns the length of a rope [m] on which a load swings as this one does, if it certainly is another one.
+def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float) -> list[str]:
+    """Returns sentences on an angle whose zero is not where the load hangs, and on a rope of another length.
 
     Args:
-        psi: times [s] and values of the angle's samples.
-        x: of the cart's position, if there is a cart.
-        l: of the rope's length, if it is measured.
+        channels: of the recording.
+        cells: of the swing, as `swing_cells` gives them.
+        psi: the angle's samples [rad].
         length: of the rope [m], in the mean.
     """
-    position = (psi[0], np.zeros(psi[0].size)) if x is None else x
-    cells = swing_cells(psi[0], psi, position, (psi[0], np.full(psi[0].size, length)) if l is None else l)
-    if cells is None:
-        return None
+    notes, column = [], channels.columns["psi"]
+    rest = abs(float(np.median(psi)))
+    if column.offset == 0 and abs(rest % (2 * np.pi) - np.pi) < NEAR_UPRIGHT and falls_away(cells):
+        notes.append(
+            f"The angle rests near {rest:.3g} rad, and the load falls away from 0: its zero is upright; declare"
+            " the reading at hanging as the offset of psi."
+        )
+    angle = hanging(cells) if np.mean(np.cos(psi)) > 0 else 0.0
+    if FAR < abs(angle) < FARTHEST:
+        size = UNITS["psi"][column.unit] if column.scale is None else column.scale
+        zero = float(f"{column.offset + column.sign * angle / size:.3g}")
+        notes.append(
+            f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
+            f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
+        )
+    share = swings_otherwise(cells)
+    if share is not None:
+        wrong = "the offset of l" if "l" in channels.columns else f"it under {channels.place('l', 'locked')}"
+        notes.append(
+            f"The load swings as on a rope of {share * length:.3g} m, and not of {length:.3g} m: if the length is"
+            f" wrong, declare {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
+        )
+    return notes
+
+
+def falls_away(cells: Cells) -> bool:
+    """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there."""
+    terms = swing_terms(cells)
+    return certainly_better(terms.about(1.0), terms.about(-1.0))
+
+
+def swings_otherwise(cells: Cells) -> float | None:
+    """Returns the length on which the load swings over the rope's, if it certainly is another one."""
     terms = swing_terms(cells)
     share = terms.share(1.0)
     as_read, otherwise = (each * terms.turning + terms.weight + terms.carried for each in (1.0, share))
-    return share * length if share > 0.0 and certainly_better(as_read, otherwise) else None
-
-
-def falls_away(psi: Samples, x: Samples, l: Samples) -> bool:
-    """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there."""
-    cells = swing_cells(psi[0], psi, x, l)
-    if cells is None:
-        return False
-    terms = swing_terms(cells)
-    return certainly_better(terms.about(1.0), terms.about(-1.0))
+    return share if share > 0.0 and certainly_better(as_read, otherwise) else None
 
 
 def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: float) -> np.ndarray:
@@ -171,21 +173,8 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     return first[one_way & (way > COUNTS * count) & (way / took > fastest)]
 
 
-def hanging(psi: Samples, x: Samples | None, l: Samples | None, length: float) -> float:
-    """Returns the angle at which the load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
-
-    0 where the recording is too short, and where the load is above its pivot.
-
-    Args:
-        psi: times [s] and values of the angle's samples.
-        x: of the cart's position, if there is a cart.
-        l: of the rope's length, if it is measured.
-        length: of the rope [m], in the mean.
-    """
-    position = (psi[0], np.zeros(psi[0].size)) if x is None else x
-    cells = swing_cells(psi[0], psi, position, (psi[0], np.full(psi[0].size, length)) if l is None else l)
-    if cells is None or np.mean(np.cos(psi[1])) <= 0:
-        return 0.0
+def hanging(cells: Cells) -> float:
+    """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity."""
     turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
     force = turn + GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
     return float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))

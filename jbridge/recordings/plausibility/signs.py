@@ -195,9 +195,7 @@ def signs_of(recording: Recording) -> dict[str, bool | None]:
     certainly do not, None where it does not tell. They do if the other sign would certainly be wrong.
     """
     samples = {name: recording.samples(name) for name in MEASURED if getattr(recording, name) is not None}
-    x, psi, l = (samples.get(name) for name in MEASURED)
-    if l is None and recording.locked_length is not None:
-        l = recording.times[[0, -1]], np.full(2, recording.locked_length)
+    x, psi, l = samples.get("x"), samples.get("psi"), rope(recording.times, samples, recording.locked_length)
     found: dict[str, bool | None] = {}
     if x is not None and psi is not None and l is not None:
         as_read, turned = (misread_swing(recording.times, psi, (x[0], way * x[1]), l) for way in (1, -1))
