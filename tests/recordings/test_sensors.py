@@ -52,21 +52,26 @@ def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, colu
     np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
 
 
-def swings_like(length: float, declared: float) -> list[float]:
-    """Lengths of the notes on a load that swings on a rope of another length than declared, by SciPy's solver."""
+def swing(length: float, declared: float, push: float = 0.0, scale: float = 1.0) -> list[str]:
+    """Notes on a load that swings below a cart, by SciPy's solver, on a rope of another length than declared, under a
+    push that varies [m/s²], where the angle is read too large by a factor."""
     t = np.arange(0.0, 12.0, 0.01)
     cart = 0.2 * np.sin(1.3 * t)
 
     def fall(now: float, state: np.ndarray) -> list[float]:
-        pull = 9.81 * np.sin(state[0]) - 0.2 * 1.3**2 * np.sin(1.3 * now) * np.cos(state[0])
+        pull = 9.81 * np.sin(state[0]) - 0.2 * 1.3**2 * np.sin(1.3 * now) * np.cos(state[0]) + push * np.sin(2.1 * now)
         return [state[1], -pull / length - 0.05 * state[1]]
 
     psi = solve_ivp(fall, (0.0, 12.0), [0.4, 0.0], t_eval=t, rtol=1e-9, atol=1e-9).y[0]
     noise = 1e-4 * np.random.default_rng(0).standard_normal((2, t.size))
-    recording = jbridge.Recording.from_arrays(
-        t=t, x=cart + noise[0], psi=psi + noise[1], u_x=np.cos(1.3 * t), sidecar={"locked": {"l": declared}}
-    )
-    found = (re.search(r"swings as on a rope of (\S+) m", note) for note in recording.notes)
+    x, psi = cart + noise[0], scale * (psi + noise[1])
+    sidecar = {"locked": {"l": declared}}
+    return list(jbridge.Recording.from_arrays(t=t, x=x, psi=psi, u_x=np.cos(1.3 * t), sidecar=sidecar).notes)
+
+
+def swings_like(length: float, declared: float) -> list[float]:
+    """Lengths that these notes name."""
+    found = (re.search(r"swings as on a rope of (\S+) m", note) for note in swing(length, declared))
     return [float(match[1]) for match in found if match]
 
 
@@ -76,6 +81,17 @@ def test_the_length_on_which_a_load_swings_is_told_where_another_one_is_declared
     for declared in (0.8, 1.25):
         [found] = swings_like(length, declared * length)
         assert found == pytest.approx(length, rel=0.01)
+
+
+@pytest.mark.parametrize(("factor", "push"), [(0.4, 0.1), (2.5, 0.06), (5.0, 0.06)])
+def test_an_angle_that_is_read_too_large_for_the_motion_of_its_cart_is_told(factor, push):
+    """Where the load swings for other reasons as well, a note says so; where it does not, the recording is refused."""
+    [note] = [each for each in swing(0.4, 0.4, push, factor) if "the motion of its cart" in each]
+    assert float(re.search(r"swings (\S+) times", note)[1]) == pytest.approx(factor, rel=0.1)
+    assert not any("the motion of its cart" in each for each in swing(0.4, 0.4, push))
+    if factor < 1:
+        with pytest.raises(InputError, match="for the swing of its load"):
+            swing(0.4, 0.4, scale=factor)
 
 
 def test_a_pendulum_above_its_pivot_does_not_hang():

@@ -26,8 +26,8 @@ OTHER_SCALE = 40.0
 """The same for another scale: a cart that the load alone moves, or a sine, fits any scale but for friction."""
 RIGHT = 1.4
 """Factor up to which the scale of a position or an angle is a matter for a diagnosis, not a slip."""
-FACTORS = tuple(map(float, np.geomspace(RIGHT, 1e3, 80)))
-"""Factors that are tried, and their inverses, for a scale that is wrong."""
+SCALES = tuple(factor for size in map(float, np.geomspace(RIGHT, 1e3, 80)) for factor in (size, 1.0 / size))
+"""Factors that are tried for a scale that is wrong."""
 STRETCH = 3
 """Cells of time in a stretch: as many as one second difference spans, so that stretches share little noise."""
 Samples = tuple[np.ndarray, np.ndarray]
@@ -133,33 +133,53 @@ class Misread:
 
 @dataclass(frozen=True)
 class SwingTerms:
-    """Terms of the load's equation by cell, without their means [m/s²]."""
+    """Terms of the load's equation by cell [m/s²]."""
 
     turning: np.ndarray
-    """`l psi'' + 2 l' psi'`"""
+    """`l psi'' + 2 l' psi'`, without its mean."""
     weight: np.ndarray
-    """`g sin(psi)`"""
-    carried: np.ndarray
-    """`x'' cos(psi)`"""
+    """`g sin(psi)`, without its mean."""
+    cart: np.ndarray
+    """`x''`"""
+    angle: np.ndarray
+    """`psi` [rad]."""
 
     def errors(self, factor: float) -> np.ndarray:
-        """Returns what the equation leaves [m/s²], if the cart's position is `factor` times what was read.
+        """Returns what the equation leaves [m/s²], if the cart's position is `factor` times what was read, or the angle
+        is what was read over `factor`: large angles tell the two apart.
 
         -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for
         a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
         anywhere near hanging or near upright.
         """
-        return min((self.about(way, factor) for way in (1.0, -1.0)), key=lambda left: float(np.dot(left, left)))
+        forces = [self.force(factor)]
+        # A rope does not hold its load above its cart.
+        if abs(factor) not in (0.0, 1.0) and np.ptp(self.angle) < np.pi * abs(factor):
+            forces.append(self.over(factor))
+        left = [self.about(way, force) for force in forces for way in (1.0, -1.0)]
+        return min(left, key=lambda each: float(np.dot(each, each)))
 
-    def about(self, way: float, factor: float = 1.0) -> np.ndarray:
-        """Returns the same where the angle's zero is near hanging (`way` 1), or near upright (-1)."""
-        force = self.weight + factor * self.carried
-        return np.clip(way * self.share(factor), 0.5, 2.0) * self.turning + way * force
+    def force(self, factor: float = 1.0) -> np.ndarray:
+        """Returns weight and inertia where the position is `factor` times what was read."""
+        return self.weight + factor * without_mean(self.cart * np.cos(self.angle))
 
-    def share(self, factor: float) -> float:
+    def over(self, factor: float) -> np.ndarray:
+        """Returns the same, `factor` times as large, where the angle is what was read over `factor`."""
+        angle = self.angle / factor
+        return factor * without_mean(GRAVITY * np.sin(angle) + self.cart * np.cos(angle))
+
+    def about(self, way: float, force: np.ndarray) -> np.ndarray:
+        """Returns what is left where the angle's zero is near hanging (`way` 1), or near upright (-1)."""
+        return np.clip(way * self.share(force), 0.5, 2.0) * self.turning + way * force
+
+    def share(self, force: np.ndarray) -> float:
         """Returns the rope's length over the one read with which the equation leaves least."""
-        force = self.weight + factor * self.carried
         return -float(np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300))
+
+
+def without_mean(values: np.ndarray) -> np.ndarray:
+    """Returns values whose mean is 0."""
+    return values - values.mean()
 
 
 def swing_terms(cells: Cells) -> SwingTerms:
@@ -168,8 +188,10 @@ def swing_terms(cells: Cells) -> SwingTerms:
     turning = l * cells.acceleration("psi")
     if np.ptp(l) > 0:
         turning = turning + 2 * cells.rate("l") * cells.rate("psi")
-    parts = (turning, GRAVITY * cells.middle("sin"), cells.acceleration("x") * np.cos(psi))
-    return SwingTerms(*(part[cells.whole] - part[cells.whole].mean() for part in parts))
+    chosen = cells.whole
+    weight = GRAVITY * cells.middle("sin")
+    cart = cells.acceleration("x")
+    return SwingTerms(without_mean(turning[chosen]), without_mean(weight[chosen]), cart[chosen], psi[chosen])
 
 
 def misread_swing(
@@ -187,25 +209,47 @@ def misread_swing(
         return None
     terms = swing_terms(cells)
 
-    def left(factor: float) -> float:
-        return float(np.sum(terms.errors(factor) ** 2))
-
-    def certain(factor: float, worse: float) -> bool:
-        # The cart must be needed at all: a position that is mere noise is best left out.
-        errors = terms.errors(factor)
-        needed = certainly_better(terms.errors(0.0), errors, worse=worse / 2)
-        return needed and certainly_better(terms.errors(1.0), errors, worse=worse)
-
-    sizes, likely = [*FACTORS, *(1.0 / f for f in FACTORS)], [1.0, *units]
-    scale, unit = (min([way * f for f in each for way in (1.0, -1.0)], key=left) for each in (sizes, likely))
-    as_scale, as_unit = terms.errors(scale), terms.errors(unit)
-    if certain(unit, WORSE) and not certainly_better(as_unit, as_scale, worse=OTHER_SCALE):
+    unit, scale = (best_scale(terms, sizes) for sizes in ([1.0, *units], SCALES))
+    plainer = certainly_better(terms.errors(unit), terms.errors(scale), worse=OTHER_SCALE)
+    if asks_for(terms, unit, WORSE) and not plainer:
         return Misread(abs(unit), unit < 0)
-    if not certain(scale, OTHER_SCALE):
+    size = other_scale(terms, OTHER_SCALE)
+    return None if size is None else Misread(abs(size), size < 0)
+
+
+def best_scale(terms: SwingTerms, sizes: Collection[float]) -> float:
+    """Returns the factor among these, or the one against the sign as read, with which the equation leaves least."""
+    return min(
+        (way * size for size in sizes for way in (1.0, -1.0)), key=lambda each: float(np.sum(terms.errors(each) ** 2))
+    )
+
+
+def asks_for(terms: SwingTerms, factor: float, worse: float) -> bool:
+    """Says whether the equation certainly asks for a position that is `factor` times what was read.
+
+    The cart must be needed at all: a position that is mere noise is best left out.
+    """
+    errors = terms.errors(factor)
+    needed = certainly_better(terms.errors(0.0), errors, worse=worse / 2)
+    return needed and certainly_better(terms.errors(1.0), errors, worse=worse)
+
+
+def other_scale(terms: SwingTerms, worse: float) -> float | None:
+    """Returns by which factor the cart's position is too small, or the angle too large, if that is certain; it is
+    negative where the sign is wrong as well.
+
+    Args:
+        terms: of the load's equation.
+        worse: squared error that it leaves as read, as a multiple of what it leaves with that factor.
+    """
+    scale = best_scale(terms, SCALES)
+    if not asks_for(terms, scale, worse):
         return None
     way, size = 1.0 if scale > 0 else -1.0, abs(scale)
-    size = float(minimize_scalar(lambda size: left(way * size), bounds=(0.9 * size, 1.1 * size)).x)
-    return Misread(size, way < 0) if max(size, 1.0 / size) >= RIGHT else None
+    size = float(
+        minimize_scalar(lambda size: float(np.sum(terms.errors(way * size) ** 2)), bounds=(0.9 * size, 1.1 * size)).x
+    )
+    return way * size if max(size, 1.0 / size) >= RIGHT else None
 
 
 def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:

@@ -12,15 +12,18 @@ from jbridge.recordings.hold import Hold
 from jbridge.recordings.plausibility.motion import (
     CERTAIN,
     STRETCH,
+    WORSE,
     Cells,
     Samples,
     certainly_better,
     in_cells,
+    other_scale,
     rope,
     swing_cells,
     swing_terms,
 )
 from jbridge.recordings.plausibility.refusals import FORCE
+from jbridge.recordings.plausibility.signs import scale_remedy
 from jbridge.recordings.tables.columns import UNITS
 
 ROWS = 5
@@ -123,8 +126,15 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
             f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
             f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
         )
+    factor = other_scale(swing_terms(cells), WORSE)
     share = swings_otherwise(cells)
-    if share is not None:
+    if factor is not None:
+        much = f"{factor:.3g} times as far as" if factor > 0 else f"{-factor:.3g} times as far as, and against what,"
+        notes.append(
+            f"The load swings {much} the motion of its cart makes it swing, unless something else moves it:"
+            f" {scale_remedy(channels, factor)}."
+        )
+    elif share is not None:
         wrong = "the offset of l" if "l" in channels.columns else f"it under {channels.place('l', 'locked')}"
         notes.append(
             f"The load swings as on a rope of {share * length:.3g} m, and not of {length:.3g} m: if the length is"
@@ -136,14 +146,16 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
 def falls_away(cells: Cells) -> bool:
     """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there."""
     terms = swing_terms(cells)
-    return certainly_better(terms.about(1.0), terms.about(-1.0))
+    force = terms.force()
+    return certainly_better(terms.about(1.0, force), terms.about(-1.0, force))
 
 
 def swings_otherwise(cells: Cells) -> float | None:
     """Returns the length on which the load swings over the rope's, if it certainly is another one."""
     terms = swing_terms(cells)
-    share = terms.share(1.0)
-    as_read, otherwise = (each * terms.turning + terms.weight + terms.carried for each in (1.0, share))
+    force = terms.force()
+    share = terms.share(force)
+    as_read, otherwise = (each * terms.turning + force for each in (1.0, share))
     return share if share > 0.0 and certainly_better(as_read, otherwise) else None
 
 

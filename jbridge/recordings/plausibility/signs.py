@@ -90,15 +90,22 @@ def contradicted_scale(channels: Channels, factor: float) -> InputError:
     size = UNITS["x"][x.unit] if x.scale is None else x.scale
     if x.scale is None and any(isclose(factor * size, other, rel_tol=LIKE) for other in UNITS["x"].values()):
         return refusal(channels, "x", f"the cart moves {far} for the swing of its load", factor=factor)
-    angle = UNITS["psi"][psi.unit] if psi.scale is None else psi.scale
-    mended = [
-        replace(column, unit="count", scale=float(f"{scale:.3g}")).line(name)
-        for name, column, scale in (("x", x, size * factor), ("psi", psi, angle / factor))
-    ]
     return InputError(
         f"{channels.table.path}, columns {cut(x.name)} and {cut(psi.name)}: the cart moves {far} for the swing of its"
-        f" load; declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, under"
-        f" {places(channels, 'x', 'psi')}{FORCE}"
+        f" load; {scale_remedy(channels, factor)}{FORCE}"
+    )
+
+
+def scale_remedy(channels: Channels, factor: float) -> str:
+    """Returns what to declare where the position is too small by a factor, or the angle too large."""
+    mended = []
+    for name, by in (("x", factor), ("psi", 1.0 / factor)):
+        column = channels.columns[name]
+        scale = by * (UNITS[name][column.unit] if column.scale is None else column.scale)
+        mended.append(replace(column, unit="count", scale=float(f"{scale:.3g}")).line(name))
+    return (
+        f"declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, under"
+        f" {places(channels, 'x', 'psi')}"
     )
 
 
