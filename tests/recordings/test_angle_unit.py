@@ -85,10 +85,15 @@ def test_noise_is_not_taken_for_degrees(write):
     assert load_recording(write(noisy)).has_swing
 
 
-def test_an_upright_zero_is_mentioned(write):
+@pytest.mark.parametrize(("column", "read"), [('unit = "rad"', 1.0), ('unit = "deg", sign = -1', -180 / np.pi)])
+def test_the_line_in_the_note_on_an_upright_zero_makes_the_load_hang_at_0(write, column, read):
     columns = SWINGS["small"]
-    notes = load_recording(write({**columns, "psi": columns["psi"] + np.pi})).notes
-    assert any("zero is upright" in note for note in notes)
+    raw = {**columns, "psi": read * (columns["psi"] + np.pi)}
+    [note] = [each for each in load_recording(write(raw, f"[columns]\npsi = {{{column}}}\n")).notes if "falls" in each]
+    line = re.search(r"declare (psi = \{.*\})", note)[1]
+    mended = load_recording(write(raw, f"[columns]\n{line}\n"))
+    assert not any("falls" in each for each in mended.notes)
+    np.testing.assert_allclose(mended.psi, columns["psi"], atol=0.01)
 
 
 def test_a_load_that_is_held_upright_has_its_zero_right(write):
@@ -105,4 +110,6 @@ def test_a_load_that_is_held_upright_has_its_zero_right(write):
     columns = {"t": t, **{name: np.array(values) for name, values in seen.items()}}
     columns |= {"u_x": np.gradient(np.gradient(columns["x"], 0.005), 0.005), "l": np.full(t.size, 0.5)}
     assert np.abs(columns["psi"] - np.pi).max() < 0.3
-    assert not any("upright" in note for note in load_recording(write(columns)).notes)
+    assert not any("falls" in note for note in load_recording(write(columns)).notes)
+    from_upright = {**columns, "psi": columns["psi"] - np.pi}
+    assert any("falls" in note for note in load_recording(write(from_upright)).notes)

@@ -36,8 +36,6 @@ COUNTS = 4.0
 """Way in these rows, over the sensor's count or what its noise takes for one, from which on it moved at all."""
 FAR = 0.05
 """Angle [rad] that no friction at a pivot holds, and acceleration of a cart over gravity that makes any load swing."""
-NEAR_UPRIGHT = 0.3
-"""Distance [rad] from half a turn up to which an angle rests there."""
 FARTHEST = 1.0
 """Angle [rad] beyond which a sensor's zero is not near hanging."""
 CELL = 0.2
@@ -112,18 +110,14 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
         length: of the rope [m], in the mean.
     """
     notes, column = [], channels.columns["psi"]
-    rest = abs(float(np.median(psi)))
-    if column.offset == 0 and abs(rest % (2 * np.pi) - np.pi) < NEAR_UPRIGHT and falls_away(cells):
-        notes.append(
-            f"The angle rests near {rest:.3g} rad, and the load falls away from 0: its zero is upright; declare"
-            " the reading at hanging as the offset of psi."
-        )
-    angle = hanging(cells) if np.mean(np.cos(psi)) > 0 else 0.0
-    if FAR < abs(angle) < FARTHEST:
+    upright = falls_away(cells)
+    angle = hanging(cells, upright)
+    if upright or (np.mean(np.cos(psi)) > 0 and FAR < abs(angle) < FARTHEST):
         size = UNITS["psi"][column.unit] if column.scale is None else column.scale
         zero = float(f"{column.offset + column.sign * angle / size:.3g}")
+        where = "falls away from 0, and would hang" if upright else "hangs"
         notes.append(
-            f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
+            f"The load {where} at {angle:.3g} rad in the mean; if that is the sensor's zero, declare"
             f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
         )
     factor = other_scale(swing_terms(cells), WORSE)
@@ -185,8 +179,15 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     return first[one_way & (way > COUNTS * count) & (way / took > fastest)]
 
 
-def hanging(cells: Cells) -> float:
-    """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity."""
+def hanging(cells: Cells, upright: bool) -> float:
+    """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
+
+    Args:
+        cells: of the swing.
+        upright: whether the angle's zero is near upright.
+    """
     turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
-    force = turn + GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
-    return float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
+    pull = GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
+    force = turn - pull if upright else turn + pull
+    angle = float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
+    return angle + float(np.copysign(np.pi, np.mean(cells.values["psi"]))) if upright else angle
