@@ -102,6 +102,23 @@ def test_signals_that_are_no_struct_are_refused(save, columns, signals):
         load_recording(path)
 
 
+def control_desk(columns: dict, names: dict | None = None) -> dict:
+    """A measurement as dSPACE ControlDesk exports it: times in `X`, signals in `Y`."""
+    own = [("u_x", "inputs"), ("u_l", "inputs"), ("x", "cart"), ("psi", "load"), ("l", "rope")]
+    kinds = [("Name", object), ("Path", object), ("Data", object), ("XIndex", object)]
+    rows = [((names or {}).get(name, name), path, columns[name][None], 1.0) for name, path in own]
+    rows.append(("other", "slow", np.zeros((1, 3)), 2.0))
+    times = [(columns["t"][None], "fast"), (np.zeros((1, 3)), "slow")]
+    x = np.array(times, dtype=[("Data", object), ("Raster", object)])[None]
+    return {"mess1": {"X": x, "Y": np.array(rows, dtype=kinds)[None], "Description": {"General": "a run"}}}
+
+
+def test_a_measurement_of_control_desk(save, columns, tmp_path):
+    assert same(load_recording(save(control_desk(columns))), columns)
+    (tmp_path / "run.toml").write_text('[columns]\nx = {column = "cart/Out1"}\npsi = {column = "load/Out1"}\n')
+    assert same(load_recording(save(control_desk(columns, {"x": "Out1", "psi": "Out1"}))), columns)
+
+
 def test_a_sidecar_maps_variables(save, columns, tmp_path):
     columns["cart_mm"] = columns.pop("x") * 1e3
     (tmp_path / "run.toml").write_text('[columns]\nx = {column = "cart_mm", unit = "mm"}\n')

@@ -1,4 +1,4 @@
-"""Reads MATLAB files, v4 to v7: vectors, structs of vectors, and Simulink's "structure with time".
+"""Reads MATLAB files, v4 to v7: vectors, structs of vectors, Simulink's "structure with time", and ControlDesk's.
 
 Only numbers are taken from the file; nothing in it is executed.
 """
@@ -113,7 +113,9 @@ def fields(path: Path, name: str, value: object, depth: int = 0) -> dict[str, ob
         return structure_with_time(path, name, struct)
     if {"Time", "Data"} <= set(names):
         return {"t": struct["Time"], name: struct["Data"]}
-    found: dict[str, object] = {}
+    if {"X", "Y"} <= set(names) and (found := control_desk(path, name, struct["X"], struct["Y"])):
+        return found
+    found = {}
     for inner in names:
         for label, vector in fields(path, inner, struct[inner], depth + 1).items():
             if label in found and not (isinstance(before := found[label], np.ndarray) and is_same(before, vector)):
@@ -144,6 +146,28 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
         if label in vectors:
             raise InputError(f"{path}, column {cut(label)}: two signals of {cut(name)} have this label; rename one")
         vectors[label] = signal["values"]
+    return vectors
+
+
+def control_desk(path: Path, name: str, times: object, signals: object) -> dict[str, object]:
+    """Returns `t` and the signals of a measurement of dSPACE ControlDesk, each under its name, or under its path and
+    name where another one has the same; nothing where the two structs are none. Of signals with several times those
+    of the first are taken.
+    """
+    if not all(isinstance(each, np.ndarray) and "Data" in (each.dtype.names or ()) for each in (times, signals)):
+        return {}
+    assert isinstance(times, np.ndarray) and isinstance(signals, np.ndarray)
+    if "Name" not in signals.dtype.names or not times.size:
+        return {}
+    vectors = {"t": times.reshape(-1)[0]["Data"]}
+    own = [each for each in signals.reshape(-1) if np.size(each["Data"]) == np.size(vectors["t"])]
+    names = [text(each["Name"]) for each in own]
+    for label, signal in zip(names, own, strict=True):
+        if names.count(label) > 1 and "Path" in signals.dtype.names:
+            label = f"{text(signal['Path'])}/{label}"
+        if label in vectors:
+            raise InputError(f"{path}, column {cut(label)}: two signals of {cut(name)} have this name; rename one")
+        vectors[label] = signal["Data"]
     return vectors
 
 
