@@ -142,21 +142,15 @@ def warnings(
     together = _inseparable(entries, stds, cov)
     for i, place in enumerate(free):
         entry = entries[i]
-        if uncertain[i]:
-            if entry.info.vector:
-                loose.setdefault(entry.group, []).append(i)
-                continue
-            if _untold(float(wide[i]), float(vector[place])):
-                name = number_name(entry.name)
-                out.append(f"The recordings say nothing of the {name}: it stays at {vector[place]:.3g} {entry.unit}.")
-                continue
-            if not any(i in members for members in together):
-                out.append(
-                    f"The recordings hardly determine the {number_name(entry.name)}: {vector[place]:.3g} {entry.unit} "
-                    f"give or take {_NORMAL * wide[i]:.2g}."
-                )
+        name, value = number_name(entry.name), f"{vector[place]:.3g} {entry.unit}".removesuffix(" 1")
+        if uncertain[i] and entry.info.vector:
+            loose.setdefault(entry.group, []).append(i)
         elif vector[place] <= low[place] or vector[place] >= high[place]:
-            out.append(f"The {number_name(entry.name)} ended at its bound of {vector[place]:.3g} {entry.unit}.")
+            out.append(f"The {name} ended at its bound of {value}.")
+        elif uncertain[i] and _untold(float(wide[i]), float(vector[place])):
+            out.append(f"The recordings say nothing of the {name}: it stays at {value}.")
+        elif uncertain[i] and not any(i in members for members in together):
+            out.append(f"The recordings hardly determine the {name}: {value} give or take {_NORMAL * wide[i]:.2g}.")
     for group, members in loose.items():
         count = len(table.positions(group))
         out.append(

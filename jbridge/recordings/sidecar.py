@@ -12,6 +12,7 @@ What fits a recording is put together, key by key: patterns first, a narrower on
 table, then `NAME.toml`.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -169,11 +170,11 @@ def said_elsewhere(path: Path, document: Mapping[str, object]) -> frozenset[tupl
 def is_narrower(pattern: str, other: str) -> bool:
     """Says whether a pattern fits a part of what another one fits, as `hoist_*.csv` does of `*.csv`.
 
-    What fits a text with stars in it does so, too, with anything in their place. A set of letters in brackets is longer
-    than what it fits, so that nothing is said about it.
+    What fits a text with stars in it does so, too, with anything in their place, and what fits any letter fits each of
+    a set in brackets. Of what does not fit a set nothing is said.
     """
-    plain = not {"[", "]"} & {*pattern, *other}
-    return plain and fnmatchcase(pattern, other) and not fnmatchcase(other, pattern)
+    one, two = (re.sub(r"\[[^]]+\]", "\0", each) for each in (pattern, other))
+    return "[!" not in other and fnmatchcase(one, other) and not fnmatchcase(two, pattern)
 
 
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:

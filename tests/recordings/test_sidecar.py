@@ -217,7 +217,7 @@ def test_a_narrower_pattern_comes_before_a_wider_one(write, columns, order):
     tables = [
         '["*.csv".override]\nload_mass = 0.1\ncart_mass = 5.0\ngravity = 9.8\n',
         '["r*.csv".override]\nload_mass = 0.2\ncart_mass = 6.0\n',
-        '["r?n*.csv".override]\nload_mass = 0.3\n',
+        '["r[t-v]n*.csv".override]\nload_mass = 0.3\n',
     ]
     write(columns, "\n".join(tables[k] for k in order), sidecar_name="recordings.toml")
     assert load_recording(write(columns)).override == {"load_mass": 0.3, "cart_mass": 6.0, "gravity": 9.8}
@@ -331,8 +331,8 @@ def test_refused_in_a_folders_file(write, columns, sidecar, needles):
             ["'r*.csv', '*n.csv'", "trim.start", '["run.csv".trim]'],
         ),
         (
-            '["*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstop = 2\n["[r]*n.csv".trim]\nstop = 1.5',
-            ["'[r]*n.csv', '*n.csv'", "trim.stop", '["run.csv".trim]'],
+            '["*.csv".trim]\nstart = 1\n["*n.csv".trim]\nstop = 2\n["r*[m-o].csv".trim]\nstop = 1.5',
+            ["'*n.csv', 'r*[m-o].csv'", "trim.stop", '["run.csv".trim]'],
         ),
     ],
 )

@@ -128,14 +128,10 @@ def _null(candidate: Candidate) -> Mapping[str, object]:
 
 
 def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candidate]:
-    """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start.
-
-    An effect with a place from which it is absent starts from there; those that have a state of their own, and limits,
-    start where they are present.
+    """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start: where it
+    is absent, if it has a gradient there, and where it is present.
     """
-    found = [_from_absence(c) for c in candidates(own, known, setting, scene_of(setting, own))]
-    absent = {c.name for c in found if not c.finite}
-    return [c for c in found if is_apart(c.kind) or not c.finite or c.name not in absent]
+    return [_from_absence(c) for c in candidates(own, known, setting, scene_of(setting, own))]
 
 
 def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:

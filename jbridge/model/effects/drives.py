@@ -74,12 +74,7 @@ class DeadZone(AbstractDrive):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        largest = _largest_input(site, scene)
-        free = ("positive", "negative")
-        return [
-            Seed({"positive": 0.0, "negative": 0.0}, free),
-            Seed({"positive": 0.1 * largest, "negative": 0.1 * largest}, free, finite=True),
-        ]
+        return [Seed({}, ("positive", "negative"))]
 
 
 class GainAsymmetry(AbstractDrive):
@@ -129,7 +124,7 @@ class AbstractDelay(AbstractEffect):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # At exactly zero the delayed input has a kink; a microsecond is no delay, and has a tangent.
-        return [Seed({"delay": value}, ("delay",), finite=value > 1e-3) for value in (1e-6, 0.02, 0.06)]
+        return [Seed({"delay": 1e-6}, ("delay",))]
 
 
 class InputDelay(AbstractDelay):

@@ -247,7 +247,4 @@ class FrictionDrift(AbstractFriction):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # A falling level needs something to fall from, so both numbers are free beside a Coulomb friction, too.
-        return [
-            Seed({"level": 0.0, "rate": 1e-9}, ("level", "rate")),
-            Seed({"level": 0.5 * max(scene.friction[site], 0.5), "rate": 0.0}, ("level", "rate"), finite=True),
-        ]
+        return [Seed({"level": 0.0, "rate": 1e-9}, ("level", "rate"))]
