@@ -49,18 +49,21 @@ def _halvings(pace: float) -> int:
     return math.ceil(math.log2(pace)) if pace > 1.0 else 0
 
 
-def stiff_axes(plant: Plant, *, fine: bool = False) -> tuple[str, ...]:
-    """Axes whose viscous damping is better solved in closed form (see `equations.accelerations`), since steps may be
-    longer then.
+def bears_order_4(plant: Plant, damped: Sequence[str]) -> bool:
+    """Whether steps may be of order 4: their stages look back and ahead by more than the step, which contact beside a
+    damping in closed form does not bear.
 
     Args:
         plant: known numbers.
-        fine: whether steps are of order 4: their stages look back and ahead by more than the step, which contact beside
-            a damping in closed form does not bear.
+        damped: see `stiff_axes`.
     """
+    return not damped or not any(_parted(plant).values())
+
+
+def stiff_axes(plant: Plant) -> tuple[str, ...]:
+    """Axes whose viscous damping is better solved in closed form (see `equations.accelerations`), since steps may be
+    longer then."""
     parted = _parted(plant)
-    if fine and any(parted.values()):
-        return ()
     rates, whole = _fading(plant, ()), not any(parted.values())
     axes = tuple(
         axis
