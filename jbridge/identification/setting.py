@@ -249,7 +249,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, ()
-    told = f"Nothing that is known has a unit of force or mass, so {mass} was taken for known: all forces go with it."
+    told = f"Of what moves no force or mass is known, so {mass} was taken for known: all forces go with it."
     return dataclasses.replace(model, known=model.known | {mass}), (told,)
 
 

@@ -136,8 +136,11 @@ def left_out_note(names: list[str]) -> str:
 
 def near_columns(table: Table, known: set[str], names: Iterable[str]) -> dict[str, Column]:
     """Returns the columns, of those called so, that are probably meant for a channel that is not known."""
-    unknown = [channel for channel in CHANNELS if channel not in known]
-    return {channel: column for channel in unknown if (column := near_column(channel, names, table.told))}
+    found = {channel: near_column(channel, names, table.told) for channel in CHANNELS if channel not in known}
+    psi = found.get("psi")
+    if psi is not None and psi.unit == "rad" and np.nanmax(np.abs(table.columns.get(psi.name, 0.0))) > 2 * np.pi:
+        found["psi"] = replace(psi, unit="deg")
+    return {channel: column for channel, column in found.items() if column is not None}
 
 
 def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Column]:

@@ -189,7 +189,7 @@ def test_a_column_of_text_that_is_no_channel_is_left_out(tmp_path, cells):
     assert "left out" in note
 
 
-@pytest.mark.parametrize("name", ["psi_meas", "ψ", "Pendelwinkel [rad]", "theta_actual"])
+@pytest.mark.parametrize("name", ["psi_meas", "ψ", "Pendelwinkel [rad]", "theta_actual", "ÁNGULO"])
 def test_a_column_that_may_be_the_angle_is_asked_for(tmp_path, name):
     with pytest.raises(InputError, match=r"not used, and there is no psi; declare psi = \{column = "):
         recording_of(tmp_path, f"t,x,l,{name}", range(400), "")
@@ -227,6 +227,12 @@ def test_a_comment_says_the_unit_that_is_offered(write, columns):
     (inspected,) = inspect_recordings([write(comments + as_text(columns))])
     assert 'declare x = {column = "position", unit = "mm"}' in inspected.problems[0]
     assert 'declare psi = {column = "angle", unit = "deg"}' in inspected.problems[1]
+
+
+def test_an_angle_beyond_a_turn_is_offered_in_degrees(tmp_path):
+    """A sensor of 0 to 360 says so without a unit."""
+    with pytest.raises(InputError, match=r'declare psi = \{column = "Winkel", unit = "deg"\}'):
+        recording_of(tmp_path, "t,x,l,Winkel", np.linspace(170.0, 190.0, 400), "")
 
 
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -29,27 +30,33 @@ SPELLINGS = {
 }  # fmt: skip
 """Units as names of columns spell them."""
 NEAR = {
-    "t": ("t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros"),
+    "t": (
+        "t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros", "tiempo", "temps",
+        "tempo", "tijd", "tid",
+    ),
     "u_x": (
         "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
         "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts", "uin", "spannung", "duty",
+        "entrada", "voltaje", "tension", "entree", "commande", "tensione", "ingresso", "tensao", "spanning",
     ),
     "u_l": (
         "ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "pwmhoist", "hoistpwm", "hoistmotor",
     ),
     "x": (
         "x", "pos", "position", "cart", "cartpos", "cartposition", "xcart", "poscart", "xpos", "posx", "trolley",
-        "trolleypos", "trolleyposition", "xtrolley", "wagen", "wagenposition", "katze", "laufkatze",
+        "trolleypos", "trolleyposition", "xtrolley", "wagen", "wagenposition", "katze", "laufkatze", "posicion",
+        "carro", "carrito", "chariot", "posizione", "carrello", "posicao", "carrinho", "positie",
     ),
     "psi": (
         "psi", "theta", "angle", "phi", "alpha", "swing", "swingangle", "pendulumangle", "pendulum", "winkel", "th",
-        "pendelwinkel", "ψ", "θ", "φ", "α",
+        "pendelwinkel", "angulo", "angolo", "hoek", "vinkel", "pendulo", "pendolo", "ψ", "θ", "φ", "α",
     ),
     "l": (
-        "l", "length", "rope", "ropelength", "cable", "cablelength", "len", "lrope", "hoistlength", "seil", "seillänge",
+        "l", "length", "rope", "ropelength", "cable", "cablelength", "len", "lrope", "hoistlength", "seil", "seillange",
+        "longitud", "longueur", "lunghezza", "comprimento", "lengte",
     ),
 }  # fmt: skip
-"""What others call a channel, in small letters without anything in between."""
+"""What others call a channel, in small letters without accents and without anything in between."""
 MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encoder", "sensor"}
 """Words that say of a channel's name that it is measured."""
 RAW = {"raw"}
@@ -172,7 +179,8 @@ def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = Ma
     """
     found: list[tuple[int, Column]] = []
     for name in names:
-        words = re.findall(r"[^\W\d_]+|%|°", name.replace("m/s", "velocity").lower())
+        letters = unicodedata.normalize("NFD", name.replace("m/s", "velocity").lower())
+        words = re.findall(r"[^\W\d_]+|%|°", "".join(each for each in letters if not unicodedata.combining(each)))
         if not words or not OTHER.isdisjoint(words):
             continue
         unit = SPELLINGS.get(words[-1], words[-1])
