@@ -235,6 +235,13 @@ def test_an_angle_beyond_a_turn_is_offered_in_degrees(tmp_path):
         recording_of(tmp_path, "t,x,l,Winkel", np.linspace(170.0, 190.0, 400), "")
 
 
+def test_the_only_column_that_rises_is_offered_as_the_time(tmp_path):
+    with pytest.raises(InputError, match=r'declare t = \{column = "stamp", unit = "ms"\}'):
+        write = tmp_path / "run.csv"
+        write.write_text("stamp,x,u_x\n" + "".join(f"{10 * k},{k % 7},{k % 3}\n" for k in range(200)))
+        load_recording(write)
+
+
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):
     with pytest.raises(InputError, match=r"column theta: not used, and there is no psi"):
         recording_of(tmp_path, "t,x,l,theta", ["1"] * 399 + ["#N/A"], "")

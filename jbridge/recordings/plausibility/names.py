@@ -72,6 +72,7 @@ def no_time(path: Path, table: Table, declared: Sidecar, meant: Column | None) -
     """
     names = [*table.columns, *table.faulty]
     if names:
+        meant = meant or only_rising(table)
         if meant is not None and meant.name in table.columns and meant.name not in table.clocks:
             meant = in_unit_of_log(meant, table.columns[meant.name])
         line = 't = {column = "...", unit = "s"}' if meant is None else meant.line("t")
@@ -85,6 +86,12 @@ def no_time(path: Path, table: Table, declared: Sidecar, meant: Column | None) -
         f"{table.header}: no column t for the time; {held}; save each signal as a vector, in MATLAB t = data(1, :);"
         f" x = data(2, :); save('{path.stem}_v7.mat', 't', 'x', '-v7')"
     )
+
+
+def only_rising(table: Table) -> Column | None:
+    """Returns the column that rises from row to row as no other one does, as a time in seconds."""
+    rising = [name for name, raw in table.columns.items() if raw.size > 1 and np.all(np.diff(raw) > 0)]
+    return Column(rising[0], "s") if len(rising) == 1 else None
 
 
 def doubtful_names(channels: Channels, locked: bool) -> Iterator[tuple[str, InputError]]:
