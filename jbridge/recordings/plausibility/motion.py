@@ -252,6 +252,32 @@ def other_scale(terms: SwingTerms, worse: float) -> float | None:
     return way * size if max(size, 1.0 / size) >= RIGHT else None
 
 
+def falls_away(cells: Cells, way: float = 1.0) -> bool:
+    """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there.
+
+    Args:
+        cells: of the swing.
+        way: 1, or -1 where the angle has the other sign than it was read with.
+    """
+    terms = swing_terms(cells)
+    force = terms.force(way)
+    return certainly_better(terms.about(1.0, force), terms.about(-1.0, force))
+
+
+def hanging(cells: Cells, upright: bool = False) -> float:
+    """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
+
+    Args:
+        cells: of the swing.
+        upright: whether the angle's zero is near upright.
+    """
+    turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
+    pull = GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
+    force = turn - pull if upright else turn + pull
+    angle = float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
+    return angle + float(np.copysign(np.pi, np.mean(cells.values["psi"]))) if upright else angle
+
+
 def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:
     """Returns a swing in eighths of its period, or None where it is too short to decide anything."""
     period = 2 * np.pi * np.sqrt(float(np.median(l[1])) / GRAVITY)

@@ -1,7 +1,6 @@
 """What a sensor does that nothing on a rig does: it stops from one row to the next, or its zero is not at rest."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from jbridge.recordings.plausibility.motion import (
     Cells,
     Samples,
     certainly_better,
+    hanging,
     in_cells,
     other_scale,
     rope,
@@ -23,8 +23,7 @@ from jbridge.recordings.plausibility.motion import (
     swing_terms,
 )
 from jbridge.recordings.plausibility.refusals import FORCE
-from jbridge.recordings.plausibility.signs import scale_remedy
-from jbridge.recordings.tables.columns import UNITS
+from jbridge.recordings.plausibility.signs import scale_remedy, zeroed
 
 ROWS = 5
 """Rows of one value from which on a sensor stands still."""
@@ -110,15 +109,11 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
         length: of the rope [m], in the mean.
     """
     notes, column = [], channels.columns["psi"]
-    upright = falls_away(cells)
-    angle = hanging(cells, upright)
-    if upright or (np.mean(np.cos(psi)) > 0 and FAR < abs(angle) < FARTHEST):
-        size = UNITS["psi"][column.unit] if column.scale is None else column.scale
-        zero = float(f"{column.offset + column.sign * angle / size:.3g}")
-        where = "falls away from 0, and would hang" if upright else "hangs"
+    angle = hanging(cells)
+    if np.mean(np.cos(psi)) > 0 and FAR < abs(angle) < FARTHEST:
         notes.append(
-            f"The load {where} at {angle:.3g} rad in the mean; if that is the sensor's zero, declare"
-            f" {replace(column, offset=zero).line('psi')} under {channels.place('psi')}."
+            f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
+            f" {zeroed(column, angle).line('psi')} under {channels.place('psi')}."
         )
     factor = other_scale(swing_terms(cells), WORSE)
     share = swings_otherwise(cells)
@@ -135,13 +130,6 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
             f" wrong, declare {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
         )
     return notes
-
-
-def falls_away(cells: Cells) -> bool:
-    """Says whether the load certainly moves as about an angle whose zero is upright, and not as hanging there."""
-    terms = swing_terms(cells)
-    force = terms.force()
-    return certainly_better(terms.about(1.0, force), terms.about(-1.0, force))
 
 
 def swings_otherwise(cells: Cells) -> float | None:
@@ -177,17 +165,3 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     # It may have braked in the rows before, at the limit, and in the one in which it stopped.
     fastest = limit * (took / 2 + took / BEFORE)
     return first[one_way & (way > COUNTS * count) & (way / took > fastest)]
-
-
-def hanging(cells: Cells, upright: bool) -> float:
-    """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
-
-    Args:
-        cells: of the swing.
-        upright: whether the angle's zero is near upright.
-    """
-    turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
-    pull = GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
-    force = turn - pull if upright else turn + pull
-    angle = float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
-    return angle + float(np.copysign(np.pi, np.mean(cells.values["psi"]))) if upright else angle

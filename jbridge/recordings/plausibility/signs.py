@@ -11,8 +11,11 @@ from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.plausibility.drive import HOLDS, is_input, runs_backwards, unfelt_rows
 from jbridge.recordings.plausibility.motion import (
+    Cells,
     Samples,
     certainly_better,
+    falls_away,
+    hanging,
     misread_swing,
     rope,
     swing_cells,
@@ -20,7 +23,7 @@ from jbridge.recordings.plausibility.motion import (
 )
 from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.recording import MEASURED, Recording
-from jbridge.recordings.tables.columns import UNITS
+from jbridge.recordings.tables.columns import UNITS, Column
 
 LIKE = 0.1
 """Relative distance up to which a scale that the load's equation asks for is taken for that of a unit."""
@@ -58,10 +61,39 @@ def doubtful_signs(
         yield refusal(channels, "x", "it goes against its input and against the swing of the load", turned=True)
     elif against:
         yield refusal(channels, "u_x", "the cart moves against it at every delay", turned=True)
-    elif turned:
-        yield refusal(channels, "psi", "the load swings to where the cart accelerates, against gravity", turned=True)
+    elif psi is not None and l is not None:
+        yield from doubtful_angle(channels, swing_cells(times, psi, x or (times, np.zeros(times.size)), l), turned)
     if "l" in samples and "u_l" in values and runs_backwards(times, values["u_l"], samples["l"], None):
         yield refusal(channels, "u_l", "the rope's length moves against it at every delay", turned=True)
+
+
+def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Iterator[InputError]:
+    """Yields the refusal of an angle that has the other sign, or a zero that is upright.
+
+    Args:
+        channels: of the recording.
+        cells: of the swing; None where it is too short to decide anything.
+        turned: whether the angle has the other sign.
+    """
+    upright = cells is not None and falls_away(cells, -1.0 if turned else 1.0)
+    if not (turned or upright):
+        return
+    column = channels.columns["psi"]
+    what = ["swings to where the cart accelerates, against gravity"] if turned else []
+    if upright and cells is not None:
+        column = zeroed(column, hanging(cells, upright))
+        what.append("falls away from 0 as from upright")
+    mended = replace(column, sign=-column.sign if turned else column.sign).line("psi")
+    yield InputError(
+        f"{channels.table.path}, column {cut(column.name)}: the load {' and '.join(what)}; declare {mended} under"
+        f" {channels.place('psi')}{FORCE}"
+    )
+
+
+def zeroed(column: Column, angle: float) -> Column:
+    """Returns the column of an angle with its zero where `angle` is read now [rad]."""
+    size = UNITS["psi"][column.unit] if column.scale is None else column.scale
+    return replace(column, offset=float(f"{column.offset + column.sign * angle / size:.3g}"))
 
 
 def unit_factors(channels: Channels) -> set[float]:
