@@ -310,21 +310,25 @@ def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[di
 
 def scene_of(setting: Setting, plant: Plant) -> Scene:
     """What the training recordings cover."""
-    low, high, speed = {}, {}, {}
+    low, high, speed, acceleration = {}, {}, {}, {}
     for name in (*AXES, "u_x", "u_l"):
         parts = [getattr(r, name) for r in setting.recordings if getattr(r, name) is not None]
         values = np.concatenate(parts) if parts else np.zeros(1)
         low[name], high[name] = float(values.min()), float(values.max())
     for axis in AXES:
-        rates = []
+        rates, bends = [np.zeros(0)], [np.zeros(0)]
         for r in setting.recordings:
             values = getattr(r, axis)
             if values is not None:
                 fresh = r.fresh[axis]
                 t, y = r.times[fresh], values[fresh]
                 k = max(1, int(0.05 / max(np.median(np.diff(t)), 1e-6)))
-                rates.append(np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k]))
-        speed[axis] = float(np.quantile(np.concatenate(rates), 0.95)) if rates else 0.1
+                rates.append((y[k:] - y[:-k]) / (t[k:] - t[:-k]))
+                bends.append((rates[-1][k:] - rates[-1][:-k]) / (0.5 * (t[2 * k :] - t[: -2 * k])))
+        speed[axis], acceleration[axis] = (
+            float(np.quantile(np.abs(found), share)) if found.size else 0.1
+            for found, share in ((np.concatenate(rates), 0.95), (np.concatenate(bends), 0.99))
+        )
     friction = dict.fromkeys(SITES, 0.0)
     for site in (CART, SWING, HOIST):
         for effect in plant.all(CoulombFriction, site):
@@ -334,6 +338,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         low=low,
         high=high,
         speed=speed,
+        acceleration=acceleration,
         recorded=_union([(r.begun, r.begun + r.duration) for r in setting.recordings]),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,

@@ -11,7 +11,9 @@ from ..._math import sincos
 from ..._types import Scalar
 from .base import (
     AXIS_OF_SITE,
+    CART,
     CART_DRIVE,
+    HOIST,
     HOIST_DRIVE,
     AbstractDrive,
     AbstractEffect,
@@ -31,11 +33,6 @@ UNLIMITED = 1e6
 def _largest_input(site: str, scene: Scene) -> float:
     name = f"u_{AXIS_OF_SITE[site]}"
     return max(abs(scene.low[name]), abs(scene.high[name]), 1e-6)
-
-
-def _largest_force(site: str, scene: Scene) -> float:
-    gain = scene.bridge["cart_gain" if site == CART_DRIVE else "hoist_gain"]
-    return max(gain * _largest_input(site, scene), 1e-6)
 
 
 class Saturation(AbstractDrive):
@@ -198,7 +195,8 @@ class ForceLimit(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        largest = _largest_force(site, scene)
+        gain = scene.bridge["cart_gain" if site == CART_DRIVE else "hoist_gain"]
+        largest = max(gain * _largest_input(site, scene), 1e-6)
         return [Seed({"limit": share * largest}, ("limit",), finite=True) for share in (0.85, 0.6)]
 
 
@@ -325,12 +323,13 @@ class SpeedDrive(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        largest = _largest_force(site, scene)
+        # What the motion shows, not the gain: of a stiff loop nothing but `K/R` is known.
+        masses = ("cart_mass",) if site == CART_DRIVE else ("winch_mass", "load_mass")
+        axis, plain = AXIS_OF_SITE[site], scene.friction[CART if site == CART_DRIVE else HOIST]
+        felt = max(sum(scene.bridge[mass] for mass in masses) * scene.acceleration[axis] + plain, 1e-6)
         return [
-            Seed(
-                {"time_constant": 0.04, "limit": share * largest, "share": 1.0}, ("time_constant", "limit"), finite=True
-            )
-            for share in (0.6, 0.25, 0.1)
+            Seed({"time_constant": 0.04, "limit": share * felt, "share": 1.0}, ("time_constant", "limit"), finite=True)
+            for share in (0.5, 1.0, 2.0)
         ]
 
 

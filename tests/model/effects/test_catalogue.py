@@ -420,6 +420,7 @@ SCENE = Scene(
     low={"x": 0.1, "psi": -0.3, "l": 0.4, "u_x": -2.0, "u_l": -3.0},
     high={"x": 1.1, "psi": 0.3, "l": 0.9, "u_x": 2.5, "u_l": 3.0},
     speed={"x": 0.4, "psi": 1.0, "l": 0.2},
+    acceleration={"x": 1.5, "psi": 9.0, "l": 0.8},
     recorded=((0.0, 12.0), (30.0, 38.0)),
     period=PERIOD,
     length=0.65,
