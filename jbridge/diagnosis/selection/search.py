@@ -25,7 +25,7 @@ from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart, largest_shown, proposals
-from ..structures.structure import Structure, accepts, leaves_nothing, weighed, with_own_levels
+from ..structures.structure import Structure, accepts, leaves_nothing, preferred, weighed, with_own_levels
 from .additions import added
 from .mechanisms import with_mechanisms
 from .moves import AT_ONCE, Move, axis_of, refinements, removals, replacements, simplifications, together
@@ -102,7 +102,7 @@ def select(
         if time.monotonic() > problem.until:
             stopped = "budget"
         if better:
-            best = min(better, key=lambda s: s.value)
+            best = preferred(problem, better)
             runners_up |= _next_to(problem.setting, now, best, better)
             held.append(best)
             seen.add(frozenset(best.free))
@@ -186,9 +186,10 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
     if good:
-        others = [s for s in good[1:] if _told_apart(problem.setting, now, s, found)]
-        best = _with_other_axes(problem, now, good[0], others, seen)
-        if best is not good[0]:
+        first = preferred(problem, good)
+        others = [s for s in good if s is not first and _told_apart(problem.setting, now, s, found)]
+        best = _with_other_axes(problem, now, first, others, seen)
+        if best is not first:
             found.append(best)
             good.insert(0, best)
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is

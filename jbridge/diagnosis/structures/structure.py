@@ -136,6 +136,15 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
     return steadiness(gain, np.array([expected[blocks == b].sum() for b in range(len(gain))])) > CRITERIA.sure
 
 
+def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
+    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search."""
+    first, *others = sorted(models, key=lambda s: (len(s.point.free), s.value))
+    for other in others:
+        if accepts(problem, first, other):
+            first = other
+    return first
+
+
 def prediction_gap(
     data: Data, one: Sequence[NDArray[np.floating[Any]]], other: Sequence[NDArray[np.floating[Any]]]
 ) -> NDArray[np.float64]:
