@@ -177,7 +177,7 @@ def _told(
     statement = verdict_sentence(
         verdict,
         effects,
-        checked.explained,
+        (checked.explained, checked.learned),
         worst,
         remains,
         complete=complete,

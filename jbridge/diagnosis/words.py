@@ -114,7 +114,7 @@ def share_of(explained: float) -> str:
 def verdict_sentence(
     verdict: str | None,
     effects: Sequence[NamedEffect],
-    explained: Mapping[str, float],
+    explained: tuple[Mapping[str, float], Mapping[str, float]],
     worst: tuple[float, str, float],
     remains: str,
     *,
@@ -126,13 +126,15 @@ def verdict_sentence(
     Args:
         verdict: `adequate`, `missing_physics`, `unknown`, or None where the search was interrupted.
         effects: what was named.
-        explained: share of the hold-out's error that confirmed ones explain, by channel in which there is any.
+        explained: share of the hold-out's error that confirmed ones explain, by channel in which there is any, and of
+            that of the other recordings, which all of them do.
         worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
             [s].
         remains: that error with its unit, and that of the hold-out where it is smaller.
         complete: whether what remains is noise or measured scatter.
         stopped: why the search ended.
     """
+    proven, learned = explained
     ratio, axis, horizon = worst
     where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
     left = f"{remains} in the {quantity_name(axis)} {where}, is {_times(ratio)} times what noise explains"
@@ -150,11 +152,17 @@ def verdict_sentence(
     if verdict == "missing_physics":
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in sure) else "The model lacks physics"
         rest = "What remains is noise." if complete else f"What remains, {left}, and has no name."
-        return f"{lead}: {listed(sure)} {explain} {_shares(explained)}. {rest}{late}"
+        return f"{lead}: {listed(sure)} {explain} {_shares(proven)}. {rest}{late}"
     if sure:
         return (
-            f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(explained)}; "
+            f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(proven)}; "
             f"what remains, {left}.{late}"
+        )
+    if effects and max(learned.values(), default=0.0) > 0.0:
+        explain = "explains" if len(effects) == 1 else "explain"
+        return (
+            f"Something is missing. What was found, {listed(effects)}, {explain} {_shares(learned, 'the recordings')},"
+            f" but the hold-out does not confirm it: what remains there, {left}.{late}"
         )
     if late:
         return (
@@ -164,12 +172,13 @@ def verdict_sentence(
     return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}."
 
 
-def _shares(explained: Mapping[str, float]) -> str:
-    """Shares of the hold-out's error at 1 s, channel by channel where there are several."""
+def _shares(explained: Mapping[str, float], of: str = "the hold-out") -> str:
+    """Shares of the error of some recordings at 1 s, channel by channel where there are several."""
     each = [share_of(share) if share > 0.0 else "nothing" for share in explained.values()] or ["nothing"]
     if len(each) > 1:
         each = [f"{said} ({quantity_name(a)})" for said, a in zip(each, explained, strict=True)]
-    return f"{' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))} of the hold-out's error at 1 s"
+    whose = f"{of}'" if of.endswith("s") else f"{of}'s"
+    return f"{' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))} of {whose} error at 1 s"
 
 
 def listed(effects: Sequence[NamedEffect]) -> str:

@@ -30,10 +30,11 @@ DOUBTED = NamedEffect(
 )
 
 
-def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete=False, stopped="criterion"):
+def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=None, **told):
     worst = (ratio, "x", horizon)
     shares = explained if isinstance(explained, dict) else {"x": explained}
-    return verdict_sentence(verdict, effects, shares, worst, "0.4 mm", complete=complete, stopped=stopped)
+    told = {"complete": False, "stopped": "criterion", **told}
+    return verdict_sentence(verdict, effects, (shares, learned or {}), worst, "0.4 mm", **told)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +62,11 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, complete
         (said("missing_physics", [FRICTION, MASS]), "Coulomb friction at the cart and the load mass, which comes out"),
         (said("unknown", [FRICTION], 0.3), "What was found, Coulomb friction at the cart, explains 30 % of"),
         (said("unknown", [DOUBTED]), "nothing in the catalogue explains the hold-out: what remains, 0.4 mm in the"),
+        (
+            said("unknown", [DOUBTED], learned={"x": 0.97}),
+            "What was found, Coulomb friction at the cart, explains 97 % of the recordings' error at 1 s, but the "
+            "hold-out does not confirm it: what remains there, 0.4 mm in the",
+        ),
         (said("unknown", horizon=math.inf), "in whole recordings"),
         (said("unknown", stopped="budget"), "give it more with --budget."),
         (said("unknown", stopped="budget"), "nothing that was tried by then explains the hold-out"),

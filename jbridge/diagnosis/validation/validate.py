@@ -70,6 +70,8 @@ class Validation:
     explained: dict[str, float]
     """Share of the hold-out's excess squared error in windows of 1 s that confirmed effects close, by channel in which
     it is larger than the noise."""
+    learned: dict[str, float]
+    """The same of the recordings that the model was learned from, which all effects close."""
     scatter: dict[float, dict[str, float] | None]
     """Of repeated inputs, by horizon."""
     apart: tuple[Apart, ...] = ()
@@ -143,6 +145,7 @@ def validate(
             train_before=train_before,
             train_after=train_before,
             explained=_explained(before, before),
+            learned={},
             scatter=scatters,
             apart=_apart(problem, holdout, given, tell, deadline),
         )
@@ -185,6 +188,7 @@ def validate(
     if sure is beside and len(doubtful) > len(left_out):
         reduced = refitted(problem, every, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
+    learned = own.evaluate(every.plant, every.engine)
     return Validation(
         checked=tuple(sorted(judged.values(), key=lambda c: -(c.explained or 0.0))),
         given=given,
@@ -192,8 +196,9 @@ def validate(
         before=before,
         after=complete,
         train_before=train_before,
-        train_after=own.evaluate(final.plant, final.engine),
+        train_after=own.evaluate(final.plant, final.engine) if refuted else learned,
         explained=_explained(before, sure),
+        learned=_explained(train_before, learned),
         scatter=_scatters(problem, holdout, before),
         apart=_apart(problem, holdout, final, tell, deadline),
     )
@@ -229,6 +234,7 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
         train_before=before,
         train_after=after,
         explained={},
+        learned={},
         scatter={},
     )
 
