@@ -14,6 +14,7 @@ from jbridge.recordings.plausibility.motion import (
     WORSE,
     Cells,
     Samples,
+    SwingTerms,
     certainly_better,
     hanging,
     in_cells,
@@ -115,8 +116,8 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
             f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
             f" {zeroed(column, angle).line('psi')} under {channels.place('psi')}."
         )
-    factor = other_scale(swing_terms(cells), WORSE)
-    share = swings_otherwise(cells)
+    terms = swing_terms(cells)
+    factor, share = other_scale(terms, WORSE), swings_otherwise(terms)
     if factor is not None:
         much = f"{factor:.3g} times as far as" if factor > 0 else f"{-factor:.3g} times as far as, and against what,"
         notes.append(
@@ -132,9 +133,8 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
     return notes
 
 
-def swings_otherwise(cells: Cells) -> float | None:
+def swings_otherwise(terms: SwingTerms) -> float | None:
     """Returns the length on which the load swings over the rope's, if it certainly is another one."""
-    terms = swing_terms(cells)
     force = terms.force()
     share = terms.share(force)
     as_read, otherwise = (each * terms.turning + force for each in (1.0, share))
