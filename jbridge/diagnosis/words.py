@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
 from ..model.names import explanation_name, number_name, quantity_name, site_name, spaced
+from .criteria import CRITERIA
 from .result import NamedEffect, Rival
 from .structures.candidates import WRONG_VALUE
+
+_TRAINING, _HOLDOUT = "the training recordings'", "the hold-out's"
+"""Whose error is told of."""
 
 
 def quantity(e: Estimate) -> str:
@@ -126,8 +130,8 @@ def verdict_sentence(
     Args:
         verdict: `adequate`, `missing_physics`, `unknown`, or None where the search was interrupted.
         effects: what was named.
-        explained: share of the hold-out's error that confirmed ones explain, by channel in which there is any, and of
-            that of the other recordings, which all of them do.
+        explained: share of the hold-out's error that confirmed effects explain, by channel in which there is any; and
+            share of the training recordings' error that all effects explain.
         worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
             [s].
         remains: that error with its unit, and that of the hold-out where it is smaller.
@@ -158,11 +162,11 @@ def verdict_sentence(
             f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(proven)}; "
             f"what remains, {left}.{late}"
         )
-    if effects and max(learned.values(), default=0.0) > 0.0:
-        explain = "explains" if len(effects) == 1 else "explain"
+    if effects and max(learned.values(), default=0.0) > CRITERIA.named:
+        explain, them = ("explains", "it") if len(effects) == 1 else ("explain", "them")
         return (
-            f"Something is missing. What was found, {listed(effects)}, {explain} {_shares(learned, 'the recordings')},"
-            f" but the hold-out does not confirm it: what remains there, {left}.{late}"
+            f"Something is missing. What was found, {listed(effects)}, {explain} {_shares(learned, _TRAINING)}, but the"
+            f" hold-out does not confirm {them}: what remains, {left}.{late}"
         )
     if late:
         return (
@@ -172,12 +176,11 @@ def verdict_sentence(
     return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}."
 
 
-def _shares(explained: Mapping[str, float], of: str = "the hold-out") -> str:
+def _shares(explained: Mapping[str, float], whose: str = _HOLDOUT) -> str:
     """Shares of the error of some recordings at 1 s, channel by channel where there are several."""
     each = [share_of(share) if share > 0.0 else "nothing" for share in explained.values()] or ["nothing"]
     if len(each) > 1:
         each = [f"{said} ({quantity_name(a)})" for said, a in zip(each, explained, strict=True)]
-    whose = f"{of}'" if of.endswith("s") else f"{of}'s"
     return f"{' and '.join(filter(None, [', '.join(each[:-1]), each[-1]]))} of {whose} error at 1 s"
 
 

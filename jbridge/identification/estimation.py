@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..model.effects.drives import AbstractDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import bears_order_4, stiff_axes, substeps
+from ..model.steps import allows_order_4, stiff_axes, substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .prior import Prior
@@ -186,7 +186,7 @@ def engine_for(
     ]
 
     damped = stiff_axes(plant)
-    number, fine = substeps(plant, data.period, damped=damped), setting.fine and bears_order_4(plant, damped)
+    number, fine = substeps(plant, data.period, damped=damped), setting.fine and allows_order_4(plant, damped)
     paces = Stepping(Steps(FINER * number, fine, damped), Steps(number, False, damped))
     return Engine(plant, courses, paces, len(data.tilings), given, width, lanes)
 

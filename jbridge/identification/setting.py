@@ -308,6 +308,12 @@ def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[di
     ]
 
 
+def _high(found: Sequence[NDArray[np.float64]], share: float) -> float:
+    """A quantile of the sizes of all values; 0.1 where there are none."""
+    sizes = np.abs(np.concatenate([np.zeros(0), *found]))
+    return float(np.quantile(sizes, share)) if sizes.size else 0.1
+
+
 def scene_of(setting: Setting, plant: Plant) -> Scene:
     """What the training recordings cover."""
     low, high, speed, acceleration = {}, {}, {}, {}
@@ -316,7 +322,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         values = np.concatenate(parts) if parts else np.zeros(1)
         low[name], high[name] = float(values.min()), float(values.max())
     for axis in AXES:
-        rates, bends = [np.zeros(0)], [np.zeros(0)]
+        rates, bends = [], []
         for r in setting.recordings:
             values = getattr(r, axis)
             if values is not None:
@@ -325,10 +331,7 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
                 k = max(1, int(0.05 / max(np.median(np.diff(t)), 1e-6)))
                 rates.append((y[k:] - y[:-k]) / (t[k:] - t[:-k]))
                 bends.append((rates[-1][k:] - rates[-1][:-k]) / (0.5 * (t[2 * k :] - t[: -2 * k])))
-        speed[axis], acceleration[axis] = (
-            float(np.quantile(np.abs(found), share)) if found.size else 0.1
-            for found, share in ((np.concatenate(rates), 0.95), (np.concatenate(bends), 0.99))
-        )
+        speed[axis], acceleration[axis] = _high(rates, 0.95), _high(bends, 0.99)
     friction = dict.fromkeys(SITES, 0.0)
     for site in (CART, SWING, HOIST):
         for effect in plant.all(CoulombFriction, site):

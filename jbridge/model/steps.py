@@ -49,9 +49,9 @@ def _halvings(pace: float) -> int:
     return math.ceil(math.log2(pace)) if pace > 1.0 else 0
 
 
-def bears_order_4(plant: Plant, damped: Sequence[str]) -> bool:
-    """Whether steps may be of order 4: their stages look back and ahead by more than the step, which contact beside a
-    damping in closed form does not bear.
+def allows_order_4(plant: Plant, damped: Sequence[str]) -> bool:
+    """Whether steps may be of order 4, whose stages extrapolate: beside a damping in closed form that makes contact
+    behind a belt or a play unstable.
 
     Args:
         plant: known numbers.

@@ -136,11 +136,11 @@ def left_out_note(names: list[str]) -> str:
 
 def near_columns(table: Table, known: set[str], names: Iterable[str]) -> dict[str, Column]:
     """Returns the columns, of those called so, that are probably meant for a channel that is not known."""
-    found = {channel: near_column(channel, names, table.told) for channel in CHANNELS if channel not in known}
-    psi = found.get("psi")
-    if psi is not None and psi.unit == "rad" and np.nanmax(np.abs(table.columns.get(psi.name, 0.0))) > 2 * np.pi:
-        found["psi"] = replace(psi, unit="deg")
-    return {channel: column for channel, column in found.items() if column is not None}
+    unknown = [channel for channel in CHANNELS if channel not in known]
+    sizes = {
+        name: float(np.max(np.abs(raw), initial=0.0, where=np.isfinite(raw))) for name, raw in table.columns.items()
+    }
+    return {channel: column for channel in unknown if (column := near_column(channel, names, table.told, sizes))}
 
 
 def pick_columns(path: Path, table: Table, declared: Sidecar) -> dict[str, Column]:

@@ -171,10 +171,13 @@ def is_narrower(pattern: str, other: str) -> bool:
     """Says whether a pattern fits a part of what another one fits, as `hoist_*.csv` does of `*.csv`.
 
     What fits a text with stars in it does so, too, with anything in their place, and what fits any letter fits each of
-    a set in brackets. Of what does not fit a set nothing is said.
+    a set in brackets. Two patterns with a set each are not compared.
     """
-    one, two = (re.sub(r"\[[^]]+\]", "\0", each) for each in (pattern, other))
-    return "[!" not in other and fnmatchcase(one, other) and not fnmatchcase(two, pattern)
+    if "[" in other and "[" in pattern:
+        return False
+    # Letters that no set has stand for a set, and for any letter.
+    one, two = (re.sub(r"\[[^]]+\]", "\0", each).replace("?", "\1") for each in (pattern, other))
+    return fnmatchcase(one, other) and ("[" in pattern or not fnmatchcase(two, pattern))
 
 
 def refuse_contradictions(path: Path, file: Path, tables: Mapping[str, Mapping[str, object]]) -> None:

@@ -64,8 +64,8 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=
         (said("unknown", [DOUBTED]), "nothing in the catalogue explains the hold-out: what remains, 0.4 mm in the"),
         (
             said("unknown", [DOUBTED], learned={"x": 0.97}),
-            "What was found, Coulomb friction at the cart, explains 97 % of the recordings' error at 1 s, but the "
-            "hold-out does not confirm it: what remains there, 0.4 mm in the",
+            "What was found, Coulomb friction at the cart, explains 97 % of the training recordings' error at 1 s, "
+            "but the hold-out does not confirm it: what remains, 0.4 mm in the",
         ),
         (said("unknown", horizon=math.inf), "in whole recordings"),
         (said("unknown", stopped="budget"), "give it more with --budget."),

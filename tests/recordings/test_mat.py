@@ -106,17 +106,27 @@ def control_desk(columns: dict, names: dict | None = None) -> dict:
     """A measurement as dSPACE ControlDesk exports it: times in `X`, signals in `Y`."""
     own = [("u_x", "inputs"), ("u_l", "inputs"), ("x", "cart"), ("psi", "load"), ("l", "rope")]
     kinds = [("Name", object), ("Path", object), ("Data", object), ("XIndex", object)]
-    rows = [((names or {}).get(name, name), path, columns[name][None], 1.0) for name, path in own]
-    rows.append(("other", "slow", np.zeros((1, 3)), 2.0))
-    times = [(columns["t"][None], "fast"), (np.zeros((1, 3)), "slow")]
+    rows = [((names or {}).get(name, name), path, columns[name][None], 2.0) for name, path in own]
+    # As long as the others, at times of its own.
+    rows.append(("other", "slow", columns["x"][None], 1.0))
+    times = [(2.0 * columns["t"][None], "slow"), (columns["t"][None], "fast")]
     x = np.array(times, dtype=[("Data", object), ("Raster", object)])[None]
     return {"mess1": {"X": x, "Y": np.array(rows, dtype=kinds)[None], "Description": {"General": "a run"}}}
 
 
 def test_a_measurement_of_control_desk(save, columns, tmp_path):
     assert same(load_recording(save(control_desk(columns))), columns)
+    (tmp_path / "run.toml").write_text('[columns]\nx = {column = "other"}\n')
+    with pytest.raises(InputError, match="measured at other times"):
+        load_recording(save(control_desk(columns)))
     (tmp_path / "run.toml").write_text('[columns]\nx = {column = "cart/Out1"}\npsi = {column = "load/Out1"}\n')
     assert same(load_recording(save(control_desk(columns, {"x": "Out1", "psi": "Out1"}))), columns)
+
+
+@pytest.mark.parametrize(("name", "what"), [("t", "has the name of another, t"), ("", "has no name")])
+def test_a_signal_of_control_desk_needs_a_name_of_its_own(save, columns, name, what):
+    with pytest.raises(InputError, match=rf"mess1\.Y\(3\): the signal {what}; rename it"):
+        load_recording(save(control_desk(columns, {"x": name})))
 
 
 def test_a_sidecar_maps_variables(save, columns, tmp_path):

@@ -1,6 +1,7 @@
 """Sensors that stop dead, say nothing, or have their zero where nothing hangs."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -52,21 +53,32 @@ def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, colu
     np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
 
 
-def swing(length: float, declared: float, push: float = 0.0, scale: float = 1.0) -> list[str]:
+def swing(  # noqa: PLR0913
+    length: float,
+    declared: float,
+    push: float = 0.0,
+    scale: float = 1.0,
+    *,
+    damping: float = 0.05,
+    begun: float = 0.4,
+    cart: bool = True,
+    columns: dict | None = None,
+) -> list[str]:
     """Notes on a load that swings below a cart, by SciPy's solver, on a rope of another length than declared, under a
     push that varies [m/s²], where the angle is read too large by a factor."""
     t = np.arange(0.0, 12.0, 0.01)
-    cart = 0.2 * np.sin(1.3 * t)
+    way = 0.2 if cart else 0.0
+    x = way * np.sin(1.3 * t)
 
     def fall(now: float, state: np.ndarray) -> list[float]:
-        pull = 9.81 * np.sin(state[0]) - 0.2 * 1.3**2 * np.sin(1.3 * now) * np.cos(state[0]) + push * np.sin(2.1 * now)
-        return [state[1], -pull / length - 0.05 * state[1]]
+        pull = 9.81 * np.sin(state[0]) - way * 1.3**2 * np.sin(1.3 * now) * np.cos(state[0]) + push * np.sin(2.1 * now)
+        return [state[1], -pull / length - damping * state[1]]
 
-    psi = solve_ivp(fall, (0.0, 12.0), [0.4, 0.0], t_eval=t, rtol=1e-9, atol=1e-9).y[0]
+    psi = solve_ivp(fall, (0.0, 12.0), [begun, 0.0], t_eval=t, rtol=1e-9, atol=1e-9).y[0]
     noise = 1e-4 * np.random.default_rng(0).standard_normal((2, t.size))
-    x, psi = cart + noise[0], scale * (psi + noise[1])
-    sidecar = {"locked": {"l": declared}}
-    return list(jbridge.Recording.from_arrays(t=t, x=x, psi=psi, u_x=np.cos(1.3 * t), sidecar=sidecar).notes)
+    channels = {"psi": scale * (psi + noise[1])} | ({"x": x + noise[0], "u_x": np.cos(1.3 * t)} if cart else {})
+    sidecar = {"locked": {"l": declared}, "columns": columns or {}}
+    return list(jbridge.Recording.from_arrays(t=t, **channels, sidecar=sidecar).notes)
 
 
 def swings_like(length: float, declared: float) -> list[float]:
@@ -83,15 +95,26 @@ def test_the_length_on_which_a_load_swings_is_told_where_another_one_is_declared
         assert found == pytest.approx(length, rel=0.01)
 
 
-@pytest.mark.parametrize(("factor", "push"), [(0.4, 0.1), (2.5, 0.06), (5.0, 0.06)])
-def test_an_angle_that_is_read_too_large_for_the_motion_of_its_cart_is_told(factor, push):
-    """Where the load swings for other reasons as well, a note says so; where it does not, the recording is refused."""
+@pytest.mark.parametrize(("factor", "push"), [(0.4, 0.1), (2.5, 0.0), (2.5, 0.06), (5.0, 0.06), (-0.4, 0.1)])
+def test_a_scale_of_the_angle_that_its_cart_speaks_against_is_told_with_a_line_that_mends_it(factor, push):
     [note] = [each for each in swing(0.4, 0.4, push, factor) if "the motion of its cart" in each]
-    assert float(re.search(r"swings (\S+) times", note)[1]) == pytest.approx(factor, rel=0.1)
-    assert not any("the motion of its cart" in each for each in swing(0.4, 0.4, push))
-    if factor < 1:
-        with pytest.raises(InputError, match="for the swing of its load"):
-            swing(0.4, 0.4, scale=factor)
+    assert float(re.search(r"swings (\S+) times", note)[1]) == pytest.approx(abs(factor), rel=0.1)
+    assert ("the other way" in note) == (factor < 0)
+    line = tomllib.loads(re.search(r"or (psi = \{.*?\})", note)[1])
+    mended = swing(0.4, 0.4, push, factor, columns=line)
+    assert not any("the motion of its cart" in each for each in mended)
+
+
+@pytest.mark.parametrize("factor", [0.4, 5.0])
+def test_such_a_scale_is_refused_where_nothing_else_moves_the_load(factor):
+    with pytest.raises(InputError, match="for the swing of its load"):
+        swing(0.4, 0.4, scale=factor, damping=0.0)
+
+
+def test_a_wide_swing_about_a_fixed_pivot_says_nothing_of_a_cart():
+    """The length is wrong by more than two."""
+    notes = swing(0.9, 0.4, begun=1.0, cart=False)
+    assert not any("the motion of its cart" in each for each in notes)
 
 
 def test_a_pendulum_above_its_pivot_does_not_hang():

@@ -229,17 +229,19 @@ def test_a_comment_says_the_unit_that_is_offered(write, columns):
     assert 'declare psi = {column = "angle", unit = "deg"}' in inspected.problems[1]
 
 
-def test_an_angle_beyond_a_turn_is_offered_in_degrees(tmp_path):
-    """A sensor of 0 to 360 says so without a unit."""
-    with pytest.raises(InputError, match=r'declare psi = \{column = "Winkel", unit = "deg"\}'):
-        recording_of(tmp_path, "t,x,l,Winkel", np.linspace(170.0, 190.0, 400), "")
+@pytest.mark.parametrize(
+    ("name", "angle", "unit"), [("Winkel", 180.0, "deg"), ("Winkel [rad]", 180.0, "rad"), ("Winkel", 6.0, "rad")]
+)
+def test_a_large_angle_is_offered_in_degrees_where_the_file_gives_no_unit(tmp_path, name, angle, unit):
+    with pytest.raises(InputError, match=rf'declare psi = \{{column = "{re.escape(name)}", unit = "{unit}"\}}'):
+        recording_of(tmp_path, f"t,x,l,{name}", np.linspace(0.9 * angle, angle, 400), "")
 
 
 def test_the_only_column_that_rises_is_offered_as_the_time(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("row,stamp,x,u_x\n" + "".join(f"{k},{10 * k},{k},{k % 3}\n" for k in range(200)))
     with pytest.raises(InputError, match=r'declare t = \{column = "stamp", unit = "ms"\}'):
-        write = tmp_path / "run.csv"
-        write.write_text("stamp,x,u_x\n" + "".join(f"{10 * k},{k % 7},{k % 3}\n" for k in range(200)))
-        load_recording(write)
+        load_recording(path)
 
 
 def test_a_column_of_text_that_may_be_a_channel_is_asked_for(tmp_path):

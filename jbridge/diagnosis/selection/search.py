@@ -2,9 +2,10 @@
 
 A model is a set of effects beside what was given. In each round every effect that it lacks is weighed by a linear
 screen (the criterion on the quadratic model of every window), the best are refitted together on some windows, the best
-of these are fitted to all windows, and the move that lowers the criterion most is made: an effect is added, left out,
-replaced by a simpler law or a rival, or a known number is set free. Every fit climbs from short windows, which are
-nearly linear, to long ones. The search ends when no move lowers the criterion, or when every channel is met.
+of these are fitted to all windows, and the best move is made: an effect is added, left out, replaced by a simpler law
+or a rival, or a known number is set free. A move to more numbers takes the place of one to fewer only if it gains
+steadily. Every fit climbs from short windows, which are nearly linear, to long ones. The search ends when no move
+lowers the criterion, or when every channel is met.
 """
 
 import dataclasses
@@ -185,18 +186,17 @@ def _larger(
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         found += tried
         good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
-    if good:
-        first = preferred(problem, good)
-        others = [s for s in good if s is not first and _told_apart(problem.setting, now, s, found)]
-        best = _with_other_axes(problem, now, first, others, seen)
-        if best is not first:
-            found.append(best)
-            good.insert(0, best)
+    best = preferred(problem, good) if good else None
+    if best is not None:
+        others = [s for s in good if s is not best and _told_apart(problem.setting, now, s, found)]
+        joined = _with_other_axes(problem, now, best, others, seen)
+        found += [joined] if joined is not best else []
+        best = joined
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
-    if not good or (given is not None and not leaves_nothing(problem, good[0])):
+    if best is None or (given is not None and not leaves_nothing(problem, best)):
         apart = [c for c in every if is_apart(c.kind)]
-        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, good[0] if good else None)
+        moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, best)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
     return found
 

@@ -129,7 +129,7 @@ def _null(candidate: Candidate) -> Mapping[str, object]:
 
 def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candidate]:
     """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start: where it
-    is absent, if it has a gradient there, and where it is present.
+    is absent, unless it has no gradient there.
     """
     return [_from_absence(c) for c in candidates(own, known, setting, scene_of(setting, own))]
 
@@ -149,8 +149,6 @@ def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:
 
 def _from_absence(candidate: Candidate) -> Candidate:
     """A candidate at a place where it is absent and has a gradient, if its law has one."""
-    if candidate.kind == "actuator_lag":
-        return dataclasses.replace(candidate, values={"time_constant": 1e-5}, finite=False, linear=("time_constant",))
     if candidate.kind == "end_stop":
         values = {**candidate.values, "stiffness": 0.0, "damping": 0.0}
         return dataclasses.replace(candidate, values=values, finite=False, linear=("stiffness", "damping"))

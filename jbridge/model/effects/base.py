@@ -69,7 +69,8 @@ class Scene(eqx.Module):
     speed: Mapping[str, float]
     """A high quantile (95 %) of the speed of each axis [m/s, rad/s]."""
     acceleration: Mapping[str, float]
-    """A high quantile (99 %) of the acceleration of each axis over 0.1 s [m/s², rad/s²]."""
+    """A high quantile (99 %) of the acceleration of each axis over 0.1 s, or two samples [m/s², rad/s²]; counts and
+    noise make it larger."""
     recorded: tuple[tuple[float, float], ...]
     """Beginnings and ends of the stretches of time that recordings cover, in order, since a run began [s]."""
     period: float

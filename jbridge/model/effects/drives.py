@@ -160,7 +160,8 @@ class ActuatorLag(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        return [Seed({"time_constant": value}, ("time_constant",), finite=True) for value in (0.01, 0.04, 0.12)]
+        # At exactly zero there is no lag to have a tangent.
+        return [Seed({"time_constant": 1e-5}, ("time_constant",))]
 
 
 class ForceLimit(AbstractEffect):
@@ -323,10 +324,14 @@ class SpeedDrive(AbstractEffect):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        # What the motion shows, not the gain: of a stiff loop nothing but `K/R` is known.
-        masses = ("cart_mass",) if site == CART_DRIVE else ("winch_mass", "load_mass")
-        axis, plain = AXIS_OF_SITE[site], scene.friction[CART if site == CART_DRIVE else HOIST]
-        felt = max(sum(scene.bridge[mass] for mass in masses) * scene.acceleration[axis] + plain, 1e-6)
+        # The force that the motion shows, not the gain: of a stiff loop nothing but its speed per input is known.
+        own, pull = scene.bridge, scene.acceleration[AXIS_OF_SITE[site]]
+        if site == CART_DRIVE:
+            force = own["cart_mass"] * pull + scene.friction[CART]
+        else:
+            weight = own["load_mass"] * own["gravity"]
+            force = (own["winch_mass"] + own["load_mass"]) * pull + weight + scene.friction[HOIST]
+        felt = max(force, 1e-6)
         return [
             Seed({"time_constant": 0.04, "limit": share * felt, "share": 1.0}, ("time_constant", "limit"), finite=True)
             for share in (0.5, 1.0, 2.0)

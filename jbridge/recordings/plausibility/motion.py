@@ -23,7 +23,8 @@ CERTAIN = 3.0
 squares. Were each as likely to speak against it, this would be exceeded with a probability of at most exp(-3² / 2) =
 1 % (Hoeffding) in each of two ways to weigh them, 0.1 % where many stretches count; the fourfold error comes on top."""
 OTHER_SCALE = 40.0
-"""The same for another scale: a cart that the load alone moves, or a sine, fits any scale but for friction."""
+"""The same for a refusal of another scale, where a note takes `WORSE`: a cart that the load alone moves, or a sine,
+fits any scale but for friction."""
 RIGHT = 1.4
 """Factor up to which the scale of a position or an angle is a matter for a diagnosis, not a slip."""
 SCALES = tuple(factor for size in map(float, np.geomspace(RIGHT, 1e3, 80)) for factor in (size, 1.0 / size))
@@ -139,6 +140,8 @@ class SwingTerms:
     """`l psi'' + 2 l' psi'`, without its mean."""
     weight: np.ndarray
     """`g sin(psi)`, without its mean."""
+    carried: np.ndarray
+    """`x'' cos(psi)`, without its mean."""
     cart: np.ndarray
     """`x''`"""
     angle: np.ndarray
@@ -149,19 +152,23 @@ class SwingTerms:
         is what was read over `factor`: large angles tell the two apart.
 
         -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for
-        a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero
-        anywhere near hanging or near upright.
+        a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero, if
+        not its scale, anywhere near hanging or near upright.
         """
         forces = [self.force(factor)]
-        # A rope does not hold its load above its cart.
+        # Only where the load then swings through less than half a turn, as one on a rope does.
         if abs(factor) not in (0.0, 1.0) and np.ptp(self.angle) < np.pi * abs(factor):
             forces.append(self.over(factor))
         left = [self.about(way, force) for force in forces for way in (1.0, -1.0)]
-        return min(left, key=lambda each: float(np.dot(each, each)))
+        return min(left, key=lambda each: float(np.sum(each * each)))
+
+    def left(self, factor: float) -> float:
+        """Returns the sum of squares of these errors."""
+        return float(np.sum(self.errors(factor) ** 2))
 
     def force(self, factor: float = 1.0) -> np.ndarray:
         """Returns weight and inertia where the position is `factor` times what was read."""
-        return self.weight + factor * without_mean(self.cart * np.cos(self.angle))
+        return self.weight + factor * self.carried
 
     def over(self, factor: float) -> np.ndarray:
         """Returns the same, `factor` times as large, where the angle is what was read over `factor`."""
@@ -174,7 +181,7 @@ class SwingTerms:
 
     def share(self, force: np.ndarray) -> float:
         """Returns the rope's length over the one read with which the equation leaves least."""
-        return -float(np.dot(self.turning, force) / max(float(np.dot(self.turning, self.turning)), 1e-300))
+        return -float(np.sum(self.turning * force) / max(float(np.sum(self.turning * self.turning)), 1e-300))
 
 
 def without_mean(values: np.ndarray) -> np.ndarray:
@@ -188,10 +195,9 @@ def swing_terms(cells: Cells) -> SwingTerms:
     turning = l * cells.acceleration("psi")
     if np.ptp(l) > 0:
         turning = turning + 2 * cells.rate("l") * cells.rate("psi")
-    chosen = cells.whole
-    weight = GRAVITY * cells.middle("sin")
-    cart = cells.acceleration("x")
-    return SwingTerms(without_mean(turning[chosen]), without_mean(weight[chosen]), cart[chosen], psi[chosen])
+    weight, cart = GRAVITY * cells.middle("sin"), cells.acceleration("x")
+    turned, hung, carried = (without_mean(part[cells.whole]) for part in (turning, weight, cart * np.cos(psi)))
+    return SwingTerms(turned, hung, carried, cart[cells.whole], psi[cells.whole])
 
 
 def misread_swing(
@@ -213,19 +219,17 @@ def misread_swing(
     plainer = certainly_better(terms.errors(unit), terms.errors(scale), worse=OTHER_SCALE)
     if asks_for(terms, unit, WORSE) and not plainer:
         return Misread(abs(unit), unit < 0)
-    size = other_scale(terms, OTHER_SCALE)
+    size = other_scale(terms, OTHER_SCALE, scale)
     return None if size is None else Misread(abs(size), size < 0)
 
 
-def best_scale(terms: SwingTerms, sizes: Collection[float]) -> float:
+def best_scale(terms: SwingTerms, sizes: Collection[float] = SCALES) -> float:
     """Returns the factor among these, or the one against the sign as read, with which the equation leaves least."""
-    return min(
-        (way * size for size in sizes for way in (1.0, -1.0)), key=lambda each: float(np.sum(terms.errors(each) ** 2))
-    )
+    return min((way * size for size in sizes for way in (1.0, -1.0)), key=terms.left)
 
 
 def asks_for(terms: SwingTerms, factor: float, worse: float) -> bool:
-    """Says whether the equation certainly asks for a position that is `factor` times what was read.
+    """Says whether the equation certainly asks for another scale by a factor, see `SwingTerms.errors`.
 
     The cart must be needed at all: a position that is mere noise is best left out.
     """
@@ -234,21 +238,19 @@ def asks_for(terms: SwingTerms, factor: float, worse: float) -> bool:
     return needed and certainly_better(terms.errors(1.0), errors, worse=worse)
 
 
-def other_scale(terms: SwingTerms, worse: float) -> float | None:
+def other_scale(terms: SwingTerms, worse: float, near: float) -> float | None:
     """Returns by which factor the cart's position is too small, or the angle too large, if that is certain; it is
     negative where the sign is wrong as well.
 
     Args:
         terms: of the load's equation.
         worse: squared error that it leaves as read, as a multiple of what it leaves with that factor.
+        near: about the factor, as `best_scale` gives it.
     """
-    scale = best_scale(terms, SCALES)
-    if not asks_for(terms, scale, worse):
+    if not asks_for(terms, near, worse):
         return None
-    way, size = 1.0 if scale > 0 else -1.0, abs(scale)
-    size = float(
-        minimize_scalar(lambda size: float(np.sum(terms.errors(way * size) ** 2)), bounds=(0.9 * size, 1.1 * size)).x
-    )
+    way, size = 1.0 if near > 0 else -1.0, abs(near)
+    size = float(minimize_scalar(lambda size: terms.left(way * size), bounds=(0.9 * size, 1.1 * size)).x)
     return way * size if max(size, 1.0 / size) >= RIGHT else None
 
 
@@ -264,15 +266,16 @@ def falls_away(cells: Cells, way: float = 1.0) -> bool:
     return certainly_better(terms.about(1.0, force), terms.about(-1.0, force))
 
 
-def hanging(cells: Cells, upright: bool = False) -> float:
+def hanging(cells: Cells, *, upright: bool = False, way: float = 1.0) -> float:
     """Returns the angle at which a load hangs in the mean [rad]: what its equation of motion leaves, over gravity.
 
     Args:
         cells: of the swing.
         upright: whether the angle's zero is near upright.
+        way: 1, or -1 where the angle has the other sign than it was read with.
     """
     turn = cells.middle("l") * cells.acceleration("psi") + 2 * cells.rate("l") * cells.rate("psi")
-    pull = GRAVITY * cells.middle("sin") + cells.acceleration("x") * np.cos(cells.middle("psi"))
+    pull = GRAVITY * cells.middle("sin") + way * cells.acceleration("x") * np.cos(cells.middle("psi"))
     force = turn - pull if upright else turn + pull
     angle = float(np.arcsin(np.clip(np.mean(force[cells.whole]) / GRAVITY, -1.0, 1.0)))
     return angle + float(np.copysign(np.pi, np.mean(cells.values["psi"]))) if upright else angle

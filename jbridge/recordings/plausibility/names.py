@@ -89,8 +89,10 @@ def no_time(path: Path, table: Table, declared: Sidecar, meant: Column | None) -
 
 
 def only_rising(table: Table) -> Column | None:
-    """Returns the column that rises from row to row as no other one does, as a time in seconds."""
-    rising = [name for name, raw in table.columns.items() if raw.size > 1 and np.all(np.diff(raw) > 0)]
+    """Returns the only column that rises in every row, as a time in seconds; a channel, and what counts the rows, is
+    none."""
+    others = {name: raw for name, raw in table.columns.items() if name not in CHANNELS and raw.size > 1}
+    rising = [name for name, raw in others.items() if np.all(np.diff(raw) > 0) and np.any(np.diff(raw) != 1.0)]
     return Column(rising[0], "s") if len(rising) == 1 else None
 
 

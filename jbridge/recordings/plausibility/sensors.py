@@ -15,6 +15,7 @@ from jbridge.recordings.plausibility.motion import (
     Cells,
     Samples,
     SwingTerms,
+    best_scale,
     certainly_better,
     hanging,
     in_cells,
@@ -101,7 +102,8 @@ def sensor_notes(
 
 
 def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float) -> list[str]:
-    """Returns sentences on an angle whose zero is not where the load hangs, and on a rope of another length.
+    """Returns sentences on an angle whose zero is not where the load hangs or whose scale is another one, and on a rope
+    of another length.
 
     Args:
         channels: of the recording.
@@ -117,12 +119,13 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
             f" {zeroed(column, angle).line('psi')} under {channels.place('psi')}."
         )
     terms = swing_terms(cells)
-    factor, share = other_scale(terms, WORSE), swings_otherwise(terms)
+    factor = other_scale(terms, WORSE, best_scale(terms)) if "x" in channels.columns else None
+    share = swings_otherwise(terms)
     if factor is not None:
-        much = f"{factor:.3g} times as far as" if factor > 0 else f"{-factor:.3g} times as far as, and against what,"
+        other_way = "" if factor > 0 else ", and the other way"
         notes.append(
-            f"The load swings {much} the motion of its cart makes it swing, unless something else moves it:"
-            f" {scale_remedy(channels, factor)}."
+            f"The load swings {abs(factor):.3g} times as far as the motion of its cart makes it swing{other_way},"
+            f" unless something else moves it: {scale_remedy(channels, factor)}."
         )
     elif share is not None:
         wrong = "the offset of l" if "l" in channels.columns else f"it under {channels.place('l', 'locked')}"

@@ -1,4 +1,5 @@
-"""Channels of another sign than declared, and columns that are exchanged, found from the equations of motion."""
+"""Channels of another sign, scale or zero than declared, and columns that are exchanged, found from the equations of
+motion."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -75,19 +76,17 @@ def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Ite
         cells: of the swing; None where it is too short to decide anything.
         turned: whether the angle has the other sign.
     """
-    upright = cells is not None and falls_away(cells, -1.0 if turned else 1.0)
-    if not (turned or upright):
-        return
-    column = channels.columns["psi"]
+    way, column = -1.0 if turned else 1.0, channels.columns["psi"]
     what = ["swings to where the cart accelerates, against gravity"] if turned else []
-    if upright and cells is not None:
-        column = zeroed(column, hanging(cells, upright))
+    if cells is not None and falls_away(cells, way):
+        column = zeroed(column, hanging(cells, upright=True, way=way))
         what.append("falls away from 0 as from upright")
-    mended = replace(column, sign=-column.sign if turned else column.sign).line("psi")
-    yield InputError(
-        f"{channels.table.path}, column {cut(column.name)}: the load {' and '.join(what)}; declare {mended} under"
-        f" {channels.place('psi')}{FORCE}"
-    )
+    if what:
+        mended = replace(column, sign=way * column.sign).line("psi")
+        yield InputError(
+            f"{channels.table.path}, column {cut(column.name)}: the load {', and '.join(what)}; declare {mended} under"
+            f" {channels.place('psi')}{FORCE}"
+        )
 
 
 def zeroed(column: Column, angle: float) -> Column:
@@ -129,12 +128,14 @@ def contradicted_scale(channels: Channels, factor: float) -> InputError:
 
 
 def scale_remedy(channels: Channels, factor: float) -> str:
-    """Returns what to declare where the position is too small by a factor, or the angle too large."""
+    """Returns what to declare where the position is too small by a factor, or the angle too large; it is negative where
+    the sign is wrong as well."""
     mended = []
-    for name, by in (("x", factor), ("psi", 1.0 / factor)):
+    for name, by in (("x", abs(factor)), ("psi", 1.0 / abs(factor))):
         column = channels.columns[name]
         scale = by * (UNITS[name][column.unit] if column.scale is None else column.scale)
-        mended.append(replace(column, unit="count", scale=float(f"{scale:.3g}")).line(name))
+        sign = column.sign if factor > 0 else -column.sign
+        mended.append(replace(column, unit="count", scale=float(f"{scale:.3g}"), sign=sign).line(name))
     return (
         f"declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, under"
         f" {places(channels, 'x', 'psi')}"

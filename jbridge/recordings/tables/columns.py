@@ -31,13 +31,13 @@ SPELLINGS = {
 """Units as names of columns spell them."""
 NEAR = {
     "t": (
-        "t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros", "tiempo", "temps",
-        "tempo", "tijd", "tid",
+        "t", "time", "tout", "timestamp", "zeit", "clock", "seconds", "sec", "millis", "micros", "tiempo", "tijd",
+        "tid",
     ),
     "u_x": (
         "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
         "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts", "uin", "spannung", "duty",
-        "entrada", "voltaje", "tension", "entree", "commande", "tensione", "ingresso", "tensao", "spanning",
+        "entrada", "voltaje", "entree", "commande", "tensione", "ingresso", "tensao", "spanning",
     ),
     "u_l": (
         "ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "pwmhoist", "hoistpwm", "hoistmotor",
@@ -61,6 +61,8 @@ MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encode
 """Words that say of a channel's name that it is measured."""
 RAW = {"raw"}
 """Words among them that say that it is in the sensor's counts."""
+TURNS = 30.0
+"""Numbers of an angle from which on they are rather degrees than radians: five turns."""
 OTHER = {
     "ref",
     "reference",
@@ -163,7 +165,12 @@ def labelled_columns(channel: str, names: Iterable[str]) -> list[Column]:
     return found
 
 
-def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = MappingProxyType({})) -> Column | None:
+def near_column(
+    channel: str,
+    names: Iterable[str],
+    told: Mapping[str, str] = MappingProxyType({}),
+    sizes: Mapping[str, float] = MappingProxyType({}),
+) -> Column | None:
     """Returns a column that is probably meant for a channel by its name, with the unit that the name gives.
 
     A name that is the channel's comes before one that says besides how it is measured, then come raw readings, which
@@ -173,6 +180,7 @@ def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = Ma
         channel: that is missing.
         names: of the columns.
         told: units that the file gives elsewhere, by the name of the column.
+        sizes: largest numbers of the columns. An angle of many turns is offered in degrees, unless the file says more.
 
     >>> near_column("psi", ["t", "x_ref", "angle_raw", "Theta (deg)"])
     Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None, late=0)
@@ -199,6 +207,7 @@ def near_column(channel: str, names: Iterable[str], told: Mapping[str, str] = Ma
             continue
         if not named:
             said = SPELLINGS.get(told.get(name, "").lower(), told.get(name, ""))
-            unit = said if said in UNITS[channel] else "count" if raw else plain_column(channel).unit
+            usual = "deg" if channel == "psi" and sizes.get(name, 0.0) > TURNS else plain_column(channel).unit
+            unit = said if said in UNITS[channel] else "count" if raw else usual
         found.append((rank, Column(name, unit)))
     return min(found, key=lambda each: each[0], default=(0, None))[1]

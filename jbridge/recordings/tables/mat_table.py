@@ -151,24 +151,37 @@ def structure_with_time(path: Path, name: str, struct: np.void) -> dict[str, obj
 
 def control_desk(path: Path, name: str, times: object, signals: object) -> dict[str, object]:
     """Returns `t` and the signals of a measurement of dSPACE ControlDesk, each under its name, or under its path and
-    name where another one has the same; nothing where the two structs are none. Of signals with several times those
-    of the first are taken.
+    name where another one has the same; nothing where the two structs are none.
+
+    Of several times that is taken which most signals have, and of signals at other times it is said that they are.
     """
     if not all(isinstance(each, np.ndarray) and "Data" in (each.dtype.names or ()) for each in (times, signals)):
         return {}
     assert isinstance(times, np.ndarray) and isinstance(signals, np.ndarray)
-    if "Name" not in signals.dtype.names or not times.size:
+    if "Name" not in signals.dtype.names or not times.size or not signals.size:
         return {}
-    vectors = {"t": times.reshape(-1)[0]["Data"]}
-    own = [each for each in signals.reshape(-1) if np.size(each["Data"]) == np.size(vectors["t"])]
-    names = [text(each["Name"]) for each in own]
-    for label, signal in zip(names, own, strict=True):
+    rasters, every = [each["Data"] for each in times.reshape(-1)], list(signals.reshape(-1))
+    own = [raster_of(each, rasters) for each in every]
+    chosen = max(range(len(rasters)), key=own.count)
+    names = [text(each["Name"]) for each in every]
+    vectors: dict[str, object] = {"t": rasters[chosen]}
+    for place, (label, signal) in enumerate(zip(names, every, strict=True)):
         if names.count(label) > 1 and "Path" in signals.dtype.names:
             label = f"{text(signal['Path'])}/{label}"
-        if label in vectors:
-            raise InputError(f"{path}, column {cut(label)}: two signals of {cut(name)} have this name; rename one")
-        vectors[label] = signal["Data"]
+        if not label or label in vectors:
+            what = f"has the name of another, {cut(label)}" if label else "has no name"
+            raise InputError(f"{path}, {cut(name)}.Y({place + 1}): the signal {what}; rename it in ControlDesk")
+        vectors[label] = signal["Data"] if own[place] == chosen else "measured at other times"
     return vectors
+
+
+def raster_of(signal: np.void, rasters: list[np.ndarray]) -> int:
+    """Returns which of several times a signal of ControlDesk has: as it says, or else the first as long as it; -1 for
+    none."""
+    index = signal["XIndex"] if "XIndex" in (signal.dtype.names or ()) else None
+    if index is not None and np.size(index) == 1:
+        return int(np.asarray(index).reshape(-1)[0]) - 1
+    return next((k for k, raster in enumerate(rasters) if np.size(raster) == np.size(signal["Data"])), -1)
 
 
 def text(value: object) -> str:
