@@ -1,11 +1,13 @@
-"""How long trial fits go on: until it is decided which of them is the best."""
+"""How long trial fits go on: until it is decided which of them is the best; and which that is."""
 
 from types import SimpleNamespace
 
 import pytest
 
 from jbridge.diagnosis.selection.search import _Fit, _undecided
-from jbridge.diagnosis.structures.structure import Structure
+from jbridge.diagnosis.structures import structure as structures
+from jbridge.diagnosis.structures.structure import Structure, preferred
+from jbridge.identification.estimation import Problem
 from jbridge.identification.setting import Setting
 
 GIVEN = ("coulomb_friction", "hoist")
@@ -49,3 +51,22 @@ NOW = structure(100.0, (GIVEN,), 0.0)
 )
 def test_a_fit_goes_on_while_it_may_still_be_the_best_on_its_axis(fits, go_on):
     assert sorted(_undecided(SETTING, NOW, fits)) == go_on
+
+
+@pytest.mark.parametrize(
+    ("steady", "chosen"),
+    [
+        # The map has the lowest value: it is taken if it gains steadily on what has fewer numbers, else the next one.
+        ({("lag", "map"), ("drag", "map"), ("lag", "drag")}, "map"),
+        ({("lag", "drag")}, "drag"),
+        ({("drag", "map")}, "lag"),
+        (set(), "lag"),
+    ],
+)
+def test_more_numbers_are_taken_only_for_a_steady_gain(monkeypatch, steady, chosen):
+    models = {}
+    for name, value, numbers in (("map", 60.0, 8), ("drag", 70.0, 2), ("lag", 75.0, 1)):
+        models[name] = structure(value, (GIVEN, (name, "cart")), 0.0)
+        models[name].point.free = list(range(numbers))
+    monkeypatch.setattr(structures, "accepts", lambda _, one, other: (one.names[-1][0], other.names[-1][0]) in steady)
+    assert preferred(object.__new__(Problem), list(models.values())) is models[chosen]

@@ -101,9 +101,9 @@ def test_what_is_not_determined_is_said():
     free = places("cart_gain", "cart_damping", "coulomb_friction@cart.level")
     at_bound = VECTOR.copy()
     at_bound[free[2]] = 0.0
-    narrow = np.diag([1e-4, 1e-4, 1e-20])
-    (said,) = warnings(TABLE, at_bound, free, narrow, TABLE.bounds())
-    assert said == "The level of the Coulomb friction at the cart ended at its bound of 0 N."
+    for variance in (1e-20, 1.0):
+        (said,) = warnings(TABLE, at_bound, free, np.diag([1e-4, 1e-4, variance]), TABLE.bounds())
+        assert said == "The level of the Coulomb friction at the cart ended at its bound of 0 N."
 
 
 def test_numbers_that_are_tied_are_said_with_what_would_part_them():
@@ -127,6 +127,14 @@ def test_values_of_a_map_are_counted():
     said = warnings(TABLE, VECTOR, free, cov, TABLE.bounds())
     wanted = "The recordings hardly determine 2 of the 3 values of the levels of the"
     assert len(said) == 1 and said[0].startswith(wanted) and said[0].endswith("trust their shape, not their level.")
+
+
+def test_a_number_without_a_unit_has_none():
+    plant = make_plant(("sensor_scale", "psi_sensor", {"scale": 10.0}))
+    table = ParameterTable(plant)
+    free = np.array(table.positions("sensor_scale@psi_sensor.scale"))
+    (said,) = warnings(table, np.array(table.ravel(plant)), free, np.array([[9.0]]), table.bounds())
+    assert said.endswith("ended at its bound of 10.")
 
 
 @pytest.mark.parametrize("value", [0.0, 0.9])
