@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.identification.setting import make_setting, prepared, with_a_scale
+from jbridge.identification.setting import make_setting, prepared, scene_of, with_a_scale
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.recordings import Recording
@@ -42,6 +42,15 @@ def test_a_sensor_that_never_changes_is_refused(axis, cause):
 def test_a_cart_that_hardly_moves_need_not_swing_its_load():
     creep = recorded("creep.csv", x=0.5 + 0.01 * np.sin(TIMES), psi=np.zeros(len(TIMES)))
     make_setting(MODEL, [creep], [])
+
+
+def test_what_recordings_cover_says_how_fast_axes_move_and_turn_round():
+    swing = recorded("swing.csv", x=0.5 + 0.2 * np.sin(2.0 * TIMES))
+    scene = scene_of(make_setting(MODEL, [swing], []), MODEL.plant)
+    assert scene.speed["x"] == pytest.approx(0.4, rel=0.02)
+    assert scene.acceleration["x"] == pytest.approx(0.8, rel=0.02)
+    alone = scene_of(make_setting(MODEL, [recorded("cart.csv", "psi", "l", "u_l")], []), MODEL.plant)
+    assert alone.acceleration["psi"] == 0.1
 
 
 def test_a_hold_out_with_a_part_of_which_no_recording_tells_is_refused():
