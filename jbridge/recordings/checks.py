@@ -65,7 +65,7 @@ def check_size(refuse: Refuse, name: str, values: np.ndarray, column: Column) ->
 
 def from_its_start(column: Column, times: np.ndarray) -> Column:
     """Returns the column of times [s] such that they begin at 0, in the unit whose steps are most like a log's."""
-    size = UNITS["t"][column.unit] if column.scale is None else column.scale
+    size = column.size("t")
     offset, step = column.sign * float(times[0]) / size + column.offset, abs(float(np.median(np.diff(times)))) / size
     if column.scale is not None or step == 0.0:
         return replace(column, offset=offset)

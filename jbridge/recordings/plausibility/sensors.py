@@ -25,7 +25,7 @@ from jbridge.recordings.plausibility.motion import (
     swing_terms,
 )
 from jbridge.recordings.plausibility.refusals import FORCE
-from jbridge.recordings.plausibility.signs import scale_remedy, zeroed
+from jbridge.recordings.plausibility.signs import scale_remedy
 
 ROWS = 5
 """Rows of one value from which on a sensor stands still."""
@@ -116,7 +116,7 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
     if np.mean(np.cos(psi)) > 0 and FAR < abs(angle) < FARTHEST:
         notes.append(
             f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
-            f" {zeroed(column, angle).line('psi')} under {channels.place('psi')}."
+            f" {column.zeroed('psi', angle).line('psi')} under {channels.place('psi')}."
         )
     terms = swing_terms(cells)
     factor = other_scale(terms, WORSE, best_scale(terms)) if "x" in channels.columns else None

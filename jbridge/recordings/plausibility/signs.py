@@ -3,7 +3,7 @@ motion."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import isclose
+from math import copysign, isclose
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from jbridge.recordings.plausibility.motion import (
 )
 from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.recording import MEASURED, Recording
-from jbridge.recordings.tables.columns import UNITS, Column
+from jbridge.recordings.tables.columns import UNITS
 
 LIKE = 0.1
 """Relative distance up to which a scale that the load's equation asks for is taken for that of a unit."""
@@ -79,7 +79,7 @@ def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Ite
     way, column = -1.0 if turned else 1.0, channels.columns["psi"]
     what = ["swings to where the cart accelerates, against gravity"] if turned else []
     if cells is not None and falls_away(cells, way):
-        column = zeroed(column, hanging(cells, upright=True, way=way))
+        column = column.zeroed("psi", hanging(cells, upright=True, way=way))
         what.append("falls away from 0 as from upright")
     if what:
         mended = replace(column, sign=way * column.sign).line("psi")
@@ -87,12 +87,6 @@ def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Ite
             f"{channels.table.path}, column {cut(column.name)}: the load {', and '.join(what)}; declare {mended} under"
             f" {channels.place('psi')}{FORCE}"
         )
-
-
-def zeroed(column: Column, angle: float) -> Column:
-    """Returns the column of an angle with its zero where `angle` is read now [rad]."""
-    size = UNITS["psi"][column.unit] if column.scale is None else column.scale
-    return replace(column, offset=float(f"{column.offset + column.sign * angle / size:.3g}"))
 
 
 def unit_factors(channels: Channels) -> set[float]:
@@ -118,7 +112,7 @@ def contradicted_scale(channels: Channels, factor: float) -> InputError:
         how = "little" if factor < 1 else "far"
         return refusal(channels, "psi", f"the load swings too {how} for the way of its cart", factor=1 / factor)
     far = f"{max(factor, 1 / factor):.3g} times too {'little' if factor > 1 else 'far'}"
-    size = UNITS["x"][x.unit] if x.scale is None else x.scale
+    size = x.size("x")
     if x.scale is None and any(isclose(factor * size, other, rel_tol=LIKE) for other in UNITS["x"].values()):
         return refusal(channels, "x", f"the cart moves {far} for the swing of its load", factor=factor)
     return InputError(
@@ -133,9 +127,8 @@ def scale_remedy(channels: Channels, factor: float) -> str:
     mended = []
     for name, by in (("x", abs(factor)), ("psi", 1.0 / abs(factor))):
         column = channels.columns[name]
-        scale = by * (UNITS[name][column.unit] if column.scale is None else column.scale)
-        sign = column.sign if factor > 0 else -column.sign
-        mended.append(replace(column, unit="count", scale=float(f"{scale:.3g}"), sign=sign).line(name))
+        sign, scale = copysign(column.sign, column.sign * factor), float(f"{by * column.size(name):.3g}")
+        mended.append(replace(column, unit="count", scale=scale, sign=sign).line(name))
     return (
         f"declare {mended[0]} if the position is wrong, or {mended[1]} if the angle is, under"
         f" {places(channels, 'x', 'psi')}"

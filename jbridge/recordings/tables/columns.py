@@ -4,7 +4,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from math import pi
 from types import MappingProxyType
@@ -107,11 +107,19 @@ class Column:
         """
         if self.late:
             raw = raw[self.logged_in(np.arange(raw.size), raw.size)]
-        size = UNITS[channel][self.unit] if self.scale is None else self.scale
+        size = self.size(channel)
         if (self.sign, self.offset, size) == (1.0, 0.0, 1.0):
             return raw
         with np.errstate(over="ignore"):  # what overflows is found, and refused, as infinite
             return self.sign * size * (raw - self.offset)
+
+    def size(self, channel: str) -> float:
+        """Returns the size of one of its readings in SI units, for a channel."""
+        return UNITS[channel][self.unit] if self.scale is None else self.scale
+
+    def zeroed(self, channel: str, value: float) -> "Column":
+        """Returns the column with its zero where a value is read now, in SI units."""
+        return replace(self, offset=float(f"{self.offset + self.sign * value / self.size(channel):.3g}"))
 
     def logged_in(self, rows: np.ndarray, count: int) -> np.ndarray:
         """Returns the rows, of so many, in which the file has what acts from the given rows on."""
