@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ..errors import InputError
-from ..model.effects.drives import SpeedDrive
+from ..model.effects.motors import SpeedDrive
 from ..model.files import Model
 from ..recordings import FAR_GAIN, GUESSED_GAIN, KNOWN_GAIN, Recording, contradiction, drive_gains, gain_remedy
 

@@ -17,8 +17,8 @@ from .bridge import Bridge, Symmetric, inverse
 from .drive_train import Belt, Sides, through_belt, through_play
 from .dry_friction import Rows, friction
 from .effects.base import DRIVE_OF_AXIS
-from .effects.drives import SpeedDrive
 from .effects.flexible import Backlash, DoublePendulum, HoistBacklash, RopeElasticity
+from .effects.motors import SpeedDrive
 from .plant import Motion, Plant
 from .speed_loop import Loop, held, shares
 

@@ -28,8 +28,9 @@ from .effects.base import (
     AbstractMechanism,
 )
 from .effects.bodies import AbstractBody
-from .effects.drives import LAGS, AbstractInduced, DrumRadiusChange, ForceLimit, SpeedDrive, TorqueRipple
+from .effects.drives import DrumRadiusChange, TorqueRipple
 from .effects.flexible import Backlash, BeltCompliance, HoistBacklash, RopeElasticity
+from .effects.motors import LAGS, AbstractInduced, ForceLimit, SpeedDrive
 from .effects.sensors import ClockScale
 from .speed_loop import Loop
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Array
 
 from .effects.base import DRIVE_OF_AXIS
-from .effects.drives import AbstractInduced
 from .effects.flexible import BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
+from .effects.motors import AbstractInduced
 from .plant import Plant
 
 RIGID = 0.0051

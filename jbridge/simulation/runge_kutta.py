@@ -15,7 +15,7 @@ from .._math import materialise
 from .._types import Axes, Scalar
 from ..compilation.programs import returned
 from ..model.effects.base import AXIS_OF_SITE
-from ..model.effects.drives import LAGS, SpeedDrive
+from ..model.effects.motors import LAGS, SpeedDrive
 from ..model.equations import Stage, Step, accelerations
 from ..model.plant import Motion, Plant
 from .inputs import INSTANT

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.identification.setting import make_setting, prepared, scene_of, with_a_scale
+from jbridge.identification.scene import scene_of
+from jbridge.identification.setting import make_setting, prepared, with_a_scale
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.recordings import Recording

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._types import AXES, Axes
-from ...identification.setting import Setting, scene_of
+from ...identification.scene import scene_of
+from ...identification.setting import Setting
 from ...model.effects.base import AbstractHysteresis
 from ...model.effects.drives import DeadZone
 from ...model.effects.friction import LoadDependentFriction

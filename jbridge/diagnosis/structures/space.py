@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.estimation import Problem, engine_for
+from ...identification.scene import scene_of
 from ...identification.sensitivity.engine import Engine
-from ...identification.setting import Setting, scene_of
+from ...identification.setting import Setting
 from ...model.effects.base import AbstractHysteresis, AbstractMechanism
 from ...model.effects.catalogue import CATALOGUE, make_effect
-from ...model.effects.drives import SpeedDrive
 from ...model.effects.fields import parameters_of
+from ...model.effects.motors import SpeedDrive
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from .candidates import Candidate, candidates
@@ -131,7 +132,7 @@ def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candi
     """All effects that a model lacks, and all known numbers that may be wrong, each with its places to start: where it
     is absent, unless it has no gradient there.
     """
-    return [_from_absence(c) for c in candidates(own, known, setting, scene_of(setting, own))]
+    return candidates(own, known, setting, scene_of(setting, own))
 
 
 def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:
@@ -145,11 +146,3 @@ def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:
                 name = candidate.group(key)
                 out[name] = max(out.get(name, 0.0), value)
     return out
-
-
-def _from_absence(candidate: Candidate) -> Candidate:
-    """A candidate at a place where it is absent and has a gradient, if its law has one."""
-    if candidate.kind == "end_stop":
-        values = {**candidate.values, "stiffness": 0.0, "damping": 0.0}
-        return dataclasses.replace(candidate, values=values, finite=False, linear=("stiffness", "damping"))
-    return candidate

@@ -8,16 +8,12 @@ from .bodies import RodInertia
 from .cable import CableDrag
 from .drives import (
     ActuatorLag,
-    BackEmf,
     DeadZone,
     DrumRadiusChange,
-    ForceLimit,
-    Freewheeling,
     GainAsymmetry,
     GainDrift,
     InputDelay,
     Saturation,
-    SpeedDrive,
     StartDelay,
     TorqueRipple,
 )
@@ -46,6 +42,7 @@ from .friction import (
     PreslidingFriction,
     StribeckFriction,
 )
+from .motors import BackEmf, ForceLimit, Freewheeling, SpeedDrive
 from .sensors import ClockScale, MissedCounts, SensorDelay, SensorEccentricity, SensorOffset, SensorScale
 
 CATALOGUE: dict[str, type[AbstractEffect]] = {

@@ -244,11 +244,11 @@ class EndStop(AbstractForce):
                 {
                     "end": end,
                     "position": low + (s if end == "high" else 1 - s) * span,
-                    "stiffness": 500.0,
-                    "damping": 5.0,
+                    "stiffness": 0.0,
+                    "damping": 0.0,
                 },
                 ("position", "stiffness", "damping"),
-                finite=True,
+                linear=("stiffness", "damping"),
             )
             for end in ("high", "low")
             for s in shares

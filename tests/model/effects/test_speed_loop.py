@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jbridge.model.effects.drives import UNLIMITED
+from jbridge.model.effects.motors import UNLIMITED
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.speed_loop import shares
 from jbridge.model.steps import substeps
