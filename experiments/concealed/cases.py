@@ -20,7 +20,8 @@ from uncatalogued import KINDS as UNKNOWN
 
 HERE = Path(__file__).parent
 MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827,
-          "hybrid": 48120659, "starts": 70351192, "coasts": 83106574, "blind": 32438002}  # fmt: skip
+          "hybrid": 48120659, "starts": 70351192, "coasts": 83106574, "blind": 32438002,
+          "blind2": 59174336}  # fmt: skip
 _SIZED = {"clutter": 60417254, "law-sizes": 30918828, "recorded": 48120660}
 """Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
@@ -71,6 +72,15 @@ EQUIVALENT = {
     ],
 }
 """Answers as good as the truth, with the reason why recordings cannot tell them apart."""
+_LATE = "with no other coordinate than the cart's, a late input is a late reading"
+ALSO_EQUIVALENT = {
+    ("full", "direction_dependent_friction hoist"): [
+        ("constant_force hoist", "levels F - c and F + c are Coulomb F beside a constant force c")
+    ],
+    ("cart", "input_delay cart_drive"): [("sensor_delay x_sensor", _LATE)],
+    ("cart", "sensor_delay x_sensor"): [("input_delay cart_drive", _LATE)],
+}
+"""What was seen to be so when `blind` had been opened, by flavour; in parts that were sealed later."""
 UNKNOWN_AXES = {"lift": ["swing", "hoist"]}
 """Where more than one equation feels an effect that has no name."""
 
@@ -194,11 +204,12 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     if company:
         played += {"clutter": _clutter, "recorded forces": _recorded}[company](flavour, float(severity), sizes, d)
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
+    also = ALSO_EQUIVALENT if half == "blind2" else {}
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]
     equivalents = [
         {"for": name, "kind": other.split()[0], "site": other.split()[1], "why": why}
         for name in names
-        for other, why in EQUIVALENT.get(name, [])
+        for other, why in (*EQUIVALENT.get(name, []), *(also.get((flavour, name), [])))
     ]
     axes += [AXIS[e["site"]] for e in equivalents if AXIS[e["site"]] not in axes]
     if names == ["wrong_value load_mass"]:  # it weighs on the rope and it pulls at the cart

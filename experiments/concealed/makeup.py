@@ -258,6 +258,16 @@ HALVES["blind"] = [
 ]  # fmt: skip
 """A sample of all of these, drawn anew: one version, which is tagged, runs it once."""
 
+HALVES["blind2"] = [
+    *(_singles((5, 10, 20))[3 * i + (i + 1) % 3] for i in range(1, 28, 2)),
+    *_several(24, 2)[4::6],
+    *_several(10, 3)[2::5],
+    *NULLS[1::4],
+    *HALVES["rough"][1::2],
+    "full start_delay cart_drive at 100", "full cable_drag cart at 60 in clutter",
+]  # fmt: skip
+"""Of what the first sample left out, for a later version."""
+
 HALVES["hybrid"] = [line.replace("in clutter", "in recorded forces") for line in HALVES["rough"][::2]]
 """The same, where the residual forces of real rigs act in place of the clutter."""
 
