@@ -82,6 +82,13 @@ def test_what_repeats_does_so_twice_in_what_was_recorded_and_no_width_is_beyond_
         assert longest[f"{name}.period"] == pytest.approx(0.5 * span, rel=1e-6)
 
 
+def test_an_angles_error_repeats_with_the_turn_of_its_disc():
+    found = [c for c in found_for(setting_of(*FULL), make_plant()) if c.name == ("sensor_eccentricity", "psi_sensor")]
+    turns = [2 * np.pi / c.values["period"] for c in found]
+    assert 1.0 in turns and np.allclose(turns, np.round(turns)), "a whole number of times in a turn"
+    assert all("period" not in c.free and c.harmonic for c in found), "the turn is known, amplitude and phase are not"
+
+
 def test_a_bridge_has_one_drive_train():
     belt = make_effect("belt_compliance", "cart", {"stiffness": 2e4, "damping": 20.0, "motor_mass": 2.0})
     names = {c.kind for c in found_for(setting_of(*FULL), make_plant(belt))}

@@ -1,5 +1,6 @@
 """What encoders make of true coordinates, and time stamps of time."""
 
+import math
 from typing import ClassVar
 
 import equinox as eqx
@@ -25,6 +26,8 @@ from .fields import parameter
 _SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
 _TIMES = 40
 """Times at which a reading is thought to step."""
+_PER_TURN = range(1, 9)
+"""How often an angle's error may repeat in a turn: once off its centre, twice out of round or behind a joint."""
 
 
 class SensorOffset(AbstractSensor):
@@ -90,6 +93,10 @@ class SensorEccentricity(AbstractSensor):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
+        if site == PSI_SENSOR:
+            # Its disc sits on the pivot, or turns some times as fast behind a gear.
+            waves_of = ("amplitude", "phase")
+            return [Seed({"amplitude": 0.0, "period": 2 * math.pi / k, "phase": 0.0}, waves_of) for k in _PER_TURN]
         span = max(scene.span(AXIS_OF_SITE[site]), 1e-2)
         return waves(span, 60)
 
