@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ..identification.estimation import Problem
 from ..identification.result import Estimate
 from ..identification.uncertainty import covariance, estimates, warnings
-from ..model.effects.catalogue import CATALOGUE
 from ..model.parameters import ParameterTable
 from .criteria import CRITERIA
 from .experiment_design.discrimination import Contender
@@ -20,7 +19,7 @@ from .result import NamedEffect, Rival
 from .selection.moves import axis_of
 from .selection.search import Search
 from .structures.candidates import WRONG_VALUE
-from .structures.space import Name
+from .structures.space import Name, looks_like
 from .structures.structure import Structure, blocks_of
 from .validation.refits import Fixed, replaced
 from .validation.validate import Checked
@@ -75,23 +74,13 @@ def round_of(search: Search, name: Name) -> list[tuple[Name, Structure]] | None:
             if not (placed & final <= added and len(added - final) == 1 and len(structure.blocks)):
                 continue
             [new] = added - final
-            if added - {new} == placed & final and (axis_of(setting, new) not in taken or _declared(name, new)):
+            declared = looks_like(name, new) or looks_like(new, name)
+            if added - {new} == placed & final and (axis_of(setting, new) not in taken or declared):
                 members.append((new, structure))
         own = [member for member in members if member[0] == name]
         if own and placed - final:
             return [own[0], *(member for member in members if member[0] != name)]
     return None
-
-
-def _declared(one: Name, other: Name) -> bool:
-    """Whether the catalogue says of two effects that some recordings cannot tell them apart."""
-    pairs = ((one, other), (other, one))
-    return any(
-        (each.own_site, each.kind, each.site) == (a[1], *b)
-        for a, b in pairs
-        if a[0] in CATALOGUE
-        for each in CATALOGUE[a[0]].alike
-    )
 
 
 def _chances(blocks: NDArray[np.float64], prices: NDArray[np.float64]) -> NDArray[np.float64]:

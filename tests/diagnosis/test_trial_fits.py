@@ -70,3 +70,17 @@ def test_more_numbers_are_taken_only_for_a_steady_gain(monkeypatch, steady, chos
         models[name].point.free = list(range(numbers))
     monkeypatch.setattr(structures, "accepts", lambda _, one, other: (one.names[-1][0], other.names[-1][0]) in steady)
     assert preferred(object.__new__(Problem), list(models.values())) is models[chosen]
+
+
+@pytest.mark.parametrize(("steady", "chosen"), [(False, "plain"), (True, "clock")])
+def test_what_looks_like_a_plainer_effect_is_taken_only_for_a_steady_gain(monkeypatch, steady, chosen):
+    """At one rope length a wrong clock, scale and offset of the length leave the same, but for the last digits."""
+    models = {
+        "clock": structure(60.0, (GIVEN, ("clock_scale", "clock")), 0.0),
+        "scale": structure(60.1, (GIVEN, ("sensor_scale", "l_sensor")), 0.0),
+        "plain": structure(60.2, (GIVEN, ("sensor_offset", "l_sensor")), 0.0),
+    }
+    for model in models.values():
+        model.point.free = [0]
+    monkeypatch.setattr(structures, "accepts", lambda _, one, other: steady and other.value < one.value)
+    assert preferred(object.__new__(Problem), list(models.values())) is models[chosen]

@@ -42,6 +42,12 @@ def happens_once(kind: str) -> bool:
     return cls is not None and bool({"time", "start"} & set(parameters_of(cls)))
 
 
+def looks_like(one: Name, other: Name) -> bool:
+    """Whether the catalogue says that some recordings cannot tell an effect from a plainer one."""
+    cls = CATALOGUE.get(one[0])
+    return cls is not None and any((each.own_site, each.kind, each.site) == (one[1], *other) for each in cls.alike)
+
+
 @dataclasses.dataclass(frozen=True)
 class Space:
     """A plant with every effect that shares its program, and the vector at which all that is not given is absent."""

@@ -15,7 +15,7 @@ from ...identification.solver import Normal, Point, bounded_step, mean_squares
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from .candidates import WRONG_VALUE
-from .space import Name, Space, happens_once
+from .space import Name, Space, happens_once, looks_like
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -137,8 +137,14 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
 
 
 def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
-    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search."""
-    first, *others = sorted(models, key=lambda s: (len(s.point.free), s.value))
+    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search, and
+    so does one with an effect that looks like a plainer one in its place."""
+    named = {name for model in models for name in model.names}
+
+    def rarer(model: Structure) -> int:
+        return sum(looks_like(name, other) for name in model.names for other in named - set(model.names))
+
+    first, *others = sorted(models, key=lambda s: (len(s.point.free), rarer(s), s.value))
     for other in others:
         if accepts(problem, first, other):
             first = other

@@ -57,6 +57,11 @@ class SensorScale(AbstractSensor):
     kind: ClassVar[str] = "sensor_scale"
     sites: ClassVar[tuple[str, ...]] = _SENSORS
     sentence: ClassVar[str] = "a wrong scale of the {axis}"
+    alike: ClassVar[tuple[Alike, ...]] = (
+        Alike(
+            L_SENSOR, "sensor_offset", L_SENSOR, "recordings at one rope length", "Recordings at several rope lengths"
+        ),
+    )
     order: ClassVar[int] = 2
     scale: Scalar = parameter("1", "reading over truth", null=1.0, low=0.1, high=10.0)
     site: str = eqx.field(static=True)

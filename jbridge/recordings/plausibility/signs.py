@@ -17,6 +17,7 @@ from jbridge.recordings.plausibility.motion import (
     certainly_better,
     falls_away,
     hanging,
+    likelier_sign,
     misread_swing,
     rope,
     swing_cells,
@@ -79,6 +80,8 @@ def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Ite
     way, column = -1.0 if turned else 1.0, channels.columns["psi"]
     what = ["swings to where the cart accelerates, against gravity"] if turned else []
     if cells is not None and falls_away(cells, way):
+        # The line has a sign in any case: the likelier one, where neither is certain.
+        way = likelier_sign(cells)
         column = column.zeroed("psi", hanging(cells, upright=True, way=way))
         what.append("falls away from 0 as from upright")
     if what:
