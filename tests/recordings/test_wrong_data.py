@@ -211,6 +211,8 @@ def test_a_motors_encoder_is_no_input():
         ("x", ["position"], {"position": "mm"}, 'column = "position", unit = "mm"'),
         ("psi", ["angle"], {"angle": "degrees"}, 'column = "angle", unit = "deg"'),
         ("psi", ["angle"], {"angle": "mm"}, 'column = "angle", unit = "rad"'),
+        ("u_x", ["target_current", "current", "XVOLT"], {}, 'column = "XVOLT", unit = "V"'),
+        ("u_x", ["target_current", "current"], {}, 'column = "current", unit = "A"'),
     ],
 )
 def test_the_best_of_several_columns_is_offered(channel, names, told, line):
