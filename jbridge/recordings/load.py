@@ -20,6 +20,7 @@ from jbridge.recordings.plausibility.names import doubtful_channels, doubts_with
 from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import doubtful_angle, doubtful_units
+from jbridge.recordings.plausibility.zeros import zero_notes
 from jbridge.recordings.recording import INPUTS, MEASURED, Commands, Recording
 from jbridge.recordings.resolution import estimate_resolution
 from jbridge.recordings.sidecar import Sidecar, find_sidecar
@@ -68,7 +69,7 @@ def load_recordings(
     check_units(paths, recordings)
     if not force:
         check_gains(paths, recordings)
-    return tuple(share_holds(reading, readings) for reading in readings)
+    return tuple(beside_others(readings))
 
 
 def check_named_once(paths: Sequence[PathLike]) -> None:
@@ -144,10 +145,11 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
         except InputError as error:
             problems[-1].append(error)
             break
+    compared = iter(beside_others(every))
     return tuple(
         Inspection(
             str(path),
-            None if reading is None else share_holds(reading, every),
+            None if reading is None else next(compared),
             {} if reading is None else reading.columns,
             sign,
             tuple(map(str, doubts)),
@@ -285,6 +287,14 @@ def read_only(values: np.ndarray) -> np.ndarray:
 
 def all_extras(channels: Channels, parts: Parts) -> dict[str, np.ndarray]:
     return channels.extras | {name: channels.values[name] for name in parts.unused}
+
+
+def beside_others(readings: Sequence[Reading]) -> list[Recording]:
+    """Returns the recordings of one rig with what each of them shows beside the others."""
+    recordings = [share_holds(reading, readings) for reading in readings]
+    notes = zero_notes(recordings, [reading.columns for reading in readings])
+    pairs = zip(recordings, notes, strict=True)
+    return [replace(each, notes=(*each.notes, note)) if note else each for each, note in pairs]
 
 
 def share_holds(reading: Reading, readings: Sequence[Reading]) -> Recording:

@@ -53,6 +53,30 @@ def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, colu
     np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
 
 
+def free_swing(zero: float, dry: float, seed: int) -> dict[str, np.ndarray]:
+    """Two minutes of a pendulum that friction slows down, as read by a sensor with another zero."""
+    t = np.arange(0.0, 120.0, 0.03)
+    law = lambda _, s: [s[1], -9.81 * np.sin(s[0]) - 0.02 * s[1] - dry * np.tanh(s[1] / 1e-3)]  # noqa: E731
+    psi = solve_ivp(law, (0.0, 120.0), [0.3, 0.0], t_eval=t, rtol=1e-6, max_step=0.02).y[0]
+    return {"t": t, "psi": psi + zero + 3e-4 * np.random.default_rng(seed).standard_normal(t.size)}
+
+
+@pytest.mark.parametrize("dry", [0.0, 0.01])
+def test_a_zero_that_is_not_the_others_is_told_with_the_line_that_mends_it(tmp_path, dry):
+    paths = [tmp_path / f"run{k}.csv" for k in range(3)]
+    for k, (path, zero) in enumerate(zip(paths, (0.004, 0.004, 0.03), strict=True)):
+        write(path, **free_swing(zero, dry, k))
+    (tmp_path / "recordings.toml").write_text('["*.csv".locked]\nl = 1.0\n')
+    told = [[n for n in r.notes if "most recordings" in n] for r in jbridge.load_recordings(paths)]
+    assert told[0] == told[1] == []
+    [note] = told[2]
+    line = re.search(r"declare (psi = \{.*\}) for", note)[1]
+    paths[2].with_suffix(".toml").write_text(f"[locked]\nl = 1.0\n[columns]\n{line}\n")
+    mended = jbridge.load_recordings(paths)
+    assert not any("most recordings" in n for r in mended for n in r.notes)
+    assert abs(np.mean(mended[2].psi)) < 2e-3
+
+
 def swing(  # noqa: PLR0913
     length: float,
     declared: float,
