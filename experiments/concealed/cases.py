@@ -80,7 +80,9 @@ ALSO_EQUIVALENT = {
     ("cart", "input_delay cart_drive"): [("sensor_delay x_sensor", _LATE)],
     ("cart", "sensor_delay x_sensor"): [("input_delay cart_drive", _LATE)],
 }
-"""What was seen to be so when `blind` had been opened, by flavour; in parts that were sealed later."""
+"""More of them, by flavour."""
+DECLARED_LATER = frozenset({"blind2"})
+"""Parts with these answers; those that were sealed before keep the seals of their truths."""
 UNKNOWN_AXES = {"lift": ["swing", "hoist"]}
 """Where more than one equation feels an effect that has no name."""
 
@@ -204,7 +206,7 @@ def _truth(half: str, line: str, key: np.random.Generator, sizes: dict) -> dict:
     if company:
         played += {"clutter": _clutter, "recorded forces": _recorded}[company](flavour, float(severity), sizes, d)
     catalogued = all(e["kind"] not in UNKNOWN for e in concealed)
-    also = ALSO_EQUIVALENT if half == "blind2" else {}
+    also = ALSO_EQUIVALENT if half in DECLARED_LATER else {}
     axes = [a for e in concealed for a in UNKNOWN_AXES.get(e["kind"], [AXIS.get(e["site"], "hoist")])]
     equivalents = [
         {"for": name, "kind": other.split()[0], "site": other.split()[1], "why": why}

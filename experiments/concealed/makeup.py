@@ -266,7 +266,7 @@ HALVES["blind2"] = [
     *HALVES["rough"][1::2],
     "full start_delay cart_drive at 100", "full cable_drag cart at 60 in clutter",
 ]  # fmt: skip
-"""Of what the first sample left out, for a later version."""
+"""The same of what that sample left out, for a later version."""
 
 HALVES["hybrid"] = [line.replace("in clutter", "in recorded forces") for line in HALVES["rough"][::2]]
 """The same, where the residual forces of real rigs act in place of the clutter."""

@@ -131,7 +131,7 @@ class NamedEffect:
     explained: float | None = None
     """Share of the hold-out's excess squared error in windows of 1 s that comes back without it."""
     in_model: bool = True
-    """Whether the final model has it: not an event, nor what the hold-out is met better without."""
+    """Whether the final model has it: not an event, nor what the hold-out speaks against."""
 
 
 @dataclasses.dataclass(frozen=True)

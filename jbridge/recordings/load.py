@@ -17,7 +17,7 @@ from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains, check_units
 from jbridge.recordings.plausibility.inputs import stale_notes, unlogged_inputs
 from jbridge.recordings.plausibility.names import doubtful_channels, doubts_without_time
-from jbridge.recordings.plausibility.sensors import doubtful_silence, sensor_notes
+from jbridge.recordings.plausibility.sensors import HANGS, doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
 from jbridge.recordings.plausibility.units import doubtful_angle, doubtful_units
 from jbridge.recordings.plausibility.zeros import zero_notes
@@ -58,7 +58,8 @@ def load_recordings(
     """Returns several recordings of one rig, checked against each other.
 
     A channel at rest does not show whether its sensor is slower than the log. Where the other recordings
-    agree that it is, it is taken to be so here, too. The arguments are those of `load_recording`.
+    agree that it is, it is taken to be so here, too. An angle whose zero is not the same in all recordings is told in
+    a note. The arguments are those of `load_recording`.
 
     Raises:
         InputError: as `load_recording`; also for a file named twice, and for an input in two units.
@@ -69,7 +70,7 @@ def load_recordings(
     check_units(paths, recordings)
     if not force:
         check_gains(paths, recordings)
-    return tuple(beside_others(readings))
+    return tuple(beside_others(readings, [False] * len(readings)))
 
 
 def check_named_once(paths: Sequence[PathLike]) -> None:
@@ -145,11 +146,12 @@ def inspect_recordings(paths: Sequence[PathLike]) -> tuple[Inspection, ...]:
         except InputError as error:
             problems[-1].append(error)
             break
-    compared = iter(beside_others(every))
+    wrong = [bool(doubts) for reading, doubts in zip(readings, problems, strict=True) if reading is not None]
+    compared = dict(zip(map(id, every), beside_others(every, wrong), strict=True))
     return tuple(
         Inspection(
             str(path),
-            None if reading is None else next(compared),
+            None if reading is None else compared[id(reading)],
             {} if reading is None else reading.columns,
             sign,
             tuple(map(str, doubts)),
@@ -289,12 +291,15 @@ def all_extras(channels: Channels, parts: Parts) -> dict[str, np.ndarray]:
     return channels.extras | {name: channels.values[name] for name in parts.unused}
 
 
-def beside_others(readings: Sequence[Reading]) -> list[Recording]:
-    """Returns the recordings of one rig with what each of them shows beside the others."""
+def beside_others(readings: Sequence[Reading], wrong: Sequence[bool]) -> list[Recording]:
+    """Returns the recordings of one rig, each with the rate of its sensors and a note on its angle's zero as they are
+    told by all; angles in files that are read wrongly tell nothing."""
     recordings = [share_holds(reading, readings) for reading in readings]
-    notes = zero_notes(recordings, [reading.columns for reading in readings])
-    pairs = zip(recordings, notes, strict=True)
-    return [replace(each, notes=(*each.notes, note)) if note else each for each, note in pairs]
+    columns = [{} if doubted else each.columns for each, doubted in zip(readings, wrong, strict=True)]
+    for i, note in zero_notes(recordings, columns).items():
+        others = (each for each in recordings[i].notes if not each.startswith(HANGS))
+        recordings[i] = replace(recordings[i], notes=(*others, note))
+    return recordings
 
 
 def share_holds(reading: Reading, readings: Sequence[Reading]) -> Recording:

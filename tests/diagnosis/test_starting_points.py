@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jbridge.diagnosis.selection.starting_points import _Mode
+from jbridge.diagnosis.selection.starting_points import _Mode, _nearby
+from jbridge.diagnosis.structures.candidates import Candidate
 from jbridge.diagnosis.structures.space import proposals
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
@@ -37,3 +38,15 @@ def test_events_are_looked_for_where_something_was_recorded():
     setting = make_setting(Model(plant, frozenset({"cart_mass"}), frozenset(NUMBERS), {}, ""), pieces, [])
     times = [c.values["time"] for c in proposals(setting, plant, frozenset({"cart_mass"})) if c.kind == "missed_counts"]
     assert sum(5.0 < time < 7.0 for time in times) == sum(600.0 < time < 602.0 for time in times) == len(times) / 2
+
+
+def test_only_free_numbers_move_between_the_places_to_start():
+    """The turn of a disc is no number that the recordings tell, whatever wave they would like."""
+    values = [{"amplitude": 0.0, "period": 2 * np.pi / k, "phase": 0.0} for k in range(1, 9)]
+    places = [Candidate("sensor_eccentricity", "psi_sensor", each, ("amplitude", "phase"), False) for each in values]
+    liked = lambda tried: np.array([-abs(each.values["period"] - 5.0) for each in tried])  # noqa: E731
+    _, held = _nearby(-np.inf, places[0], places, liked)
+    assert held.values["period"] == 2 * np.pi
+    freed = [dataclasses.replace(each, free=("amplitude", "period", "phase")) for each in places]
+    _, moved = _nearby(-np.inf, freed[0], freed, liked)
+    assert moved.values["period"] == pytest.approx(5.0, abs=0.01)

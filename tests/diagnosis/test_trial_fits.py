@@ -79,8 +79,21 @@ def test_what_looks_like_a_plainer_effect_is_taken_only_for_a_steady_gain(monkey
         "clock": structure(60.0, (GIVEN, ("clock_scale", "clock")), 0.0),
         "scale": structure(60.1, (GIVEN, ("sensor_scale", "l_sensor")), 0.0),
         "plain": structure(60.2, (GIVEN, ("sensor_offset", "l_sensor")), 0.0),
+        "drag": structure(60.3, (GIVEN, ("load_drag", "swing")), 0.0),
     }
     for model in models.values():
         model.point.free = [0]
     monkeypatch.setattr(structures, "accepts", lambda _, one, other: steady and other.value < one.value)
     assert preferred(object.__new__(Problem), list(models.values())) is models[chosen]
+
+
+def test_what_looks_like_a_plainer_effect_yields_to_that_alone(monkeypatch):
+    models = [
+        structure(60.0, (GIVEN, ("clock_scale", "clock")), 0.0),
+        structure(75.0, (GIVEN, ("load_drag", "swing")), 0.0),
+        structure(99.0, (GIVEN, ("sensor_offset", "l_sensor")), 0.0),
+    ]
+    for model in models:
+        model.point.free = [0]
+    monkeypatch.setattr(structures, "accepts", lambda _, one, other: one.value - other.value > 30.0)
+    assert preferred(object.__new__(Problem), models) is models[0]

@@ -99,6 +99,27 @@ def test_an_upright_zero_is_refused_with_the_line_that_makes_the_load_hang_at_0(
     np.testing.assert_allclose(mended.psi, columns["psi"], atol=0.02)
 
 
+@pytest.mark.parametrize(("volts", "dry"), [(2.0, 0.05), (8.0, 0.15)])
+def test_an_upright_zero_of_a_turned_angle_is_mended_in_one_line(write, refusal, volts, dry):
+    """A rod hangs at a cart that is driven once; it swings as on more than its length, and its pivot rubs."""
+    step, rows = 0.001, 9000
+    x = v = psi = rate = 0.0
+    seen = []
+    for row in range(rows):
+        u = volts if 1.0 < row * step < 1.0 + 9.6 / volts else 0.0
+        seen.append((row * step, u, x, psi))
+        push = (0.06 * u - v) / 0.03
+        turn = -(9.81 * np.sin(psi) + push * np.cos(psi)) / 0.157 - 0.15 * rate
+        rub = dry / 0.157
+        holds = abs(rate) < rub * step and abs(turn) < rub
+        rate = 0.0 if holds else rate + step * (turn - np.sign(rate) * rub)
+        v, x, psi = v + step * push, x + step * (v + step * push), psi + step * rate
+    t, u, x, psi = np.array(seen[::10]).T
+    columns = {"t": t, "u_x": u, "x": np.round(x / 7.2e-5) * 7.2e-5, "psi": np.round((np.pi - psi) / 1.5e-3) * 1.5e-3}
+    message = refusal(write(columns, "[locked]\nl = 0.1225\n"))
+    assert re.search(r"declare psi = \{.*sign = -1, offset = 3\.1\d*\}", message) and "scale" not in message
+
+
 def test_a_load_that_is_held_upright_has_its_zero_right(write, refusal):
     """A cart balances it about half a turn from hanging; it falls away from there, and not from 0."""
     t, psi, rate, seen = np.arange(2000) * 0.005, np.pi + 0.05, 0.0, {"psi": [], "x": []}

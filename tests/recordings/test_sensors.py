@@ -53,28 +53,58 @@ def test_the_line_in_the_note_makes_the_load_hang_straight(tmp_path, angle, colu
     np.testing.assert_allclose(mended.psi, TRUTH["psi"], atol=0.1 * abs(angle))
 
 
-def free_swing(zero: float, dry: float, seed: int) -> dict[str, np.ndarray]:
-    """Two minutes of a pendulum that friction slows down, as read by a sensor with another zero."""
+def free_swing(zero: float, seed: int, release: float = 0.3) -> dict[str, np.ndarray]:
+    """Two minutes of a pendulum that dry friction slows down, as read by a sensor with another zero."""
     t = np.arange(0.0, 120.0, 0.03)
-    law = lambda _, s: [s[1], -9.81 * np.sin(s[0]) - 0.02 * s[1] - dry * np.tanh(s[1] / 1e-3)]  # noqa: E731
-    psi = solve_ivp(law, (0.0, 120.0), [0.3, 0.0], t_eval=t, rtol=1e-6, max_step=0.02).y[0]
+    law = lambda _, s: [s[1], -9.81 * np.sin(s[0]) - 0.02 * s[1] - 0.01 * np.tanh(s[1] / 1e-3)]  # noqa: E731
+    psi = solve_ivp(law, (0.0, 120.0), [release, 0.0], t_eval=t, rtol=1e-6, max_step=0.02).y[0]
     return {"t": t, "psi": psi + zero + 3e-4 * np.random.default_rng(seed).standard_normal(t.size)}
 
 
-@pytest.mark.parametrize("dry", [0.0, 0.01])
-def test_a_zero_that_is_not_the_others_is_told_with_the_line_that_mends_it(tmp_path, dry):
-    paths = [tmp_path / f"run{k}.csv" for k in range(3)]
-    for k, (path, zero) in enumerate(zip(paths, (0.004, 0.004, 0.03), strict=True)):
-        write(path, **free_swing(zero, dry, k))
-    (tmp_path / "recordings.toml").write_text('["*.csv".locked]\nl = 1.0\n')
-    told = [[n for n in r.notes if "most recordings" in n] for r in jbridge.load_recordings(paths)]
-    assert told[0] == told[1] == []
-    [note] = told[2]
-    line = re.search(r"declare (psi = \{.*\}) for", note)[1]
-    paths[2].with_suffix(".toml").write_text(f"[locked]\nl = 1.0\n[columns]\n{line}\n")
+@pytest.mark.parametrize(
+    ("zeros", "told"),
+    [
+        ((0.004, 0.004, 0.03), [2]),
+        ((0.03, 0.03, 0.0), [0, 1]),
+        ((0.0, 0.03), [1]),
+        ((0.0, 0.08), [1]),
+        ((0.03, 0.03, 0.03), []),
+    ],
+)
+def test_zeros_that_differ_are_told_with_the_lines_that_mend_them(tmp_path, zeros, told):
+    paths = [tmp_path / f"run{k}.csv" for k in range(len(zeros))]
+    for k, (path, zero) in enumerate(zip(paths, zeros, strict=True)):
+        write(path, **free_swing(zero, k))
+    common = '["*.csv".locked]\nl = 1.0\n'
+    (tmp_path / "recordings.toml").write_text(common)
+    hangs = [[n for n in r.notes if "hangs at" in n] for r in jbridge.load_recordings(paths)]
+    assert [k for k, own in enumerate(hangs) if own] == told
+    tables = []
+    for k in told:
+        [note] = hangs[k]
+        line, table = re.search(r"declare (psi = \{.*\}) for .* alone, under (\[.*?\.columns\])", note).groups()
+        tables.append(f"{table}\n{line}\n")
+    (tmp_path / "recordings.toml").write_text(common + "".join(tables))
     mended = jbridge.load_recordings(paths)
-    assert not any("most recordings" in n for r in mended for n in r.notes)
-    assert abs(np.mean(mended[2].psi)) < 2e-3
+    assert not any("hangs at" in n for r in mended for n in r.notes)
+    assert np.ptp([np.mean(r.psi) for r in mended]) < 5e-3
+
+
+def test_swings_of_all_sizes_show_the_same_zero(tmp_path):
+    paths = [tmp_path / f"run{k}.csv" for k in range(3)]
+    for k, path in enumerate(paths):
+        write(path, **free_swing(0.045, k, release=(0.3, 0.3, 2.5)[k]))
+    (tmp_path / "recordings.toml").write_text('["*.csv".locked]\nl = 1.0\n')
+    assert not any("hangs at" in n for r in jbridge.load_recordings(paths) for n in r.notes)
+
+
+def test_an_angle_that_is_refused_tells_nothing_of_the_others(tmp_path):
+    columns = free_swing(0.0, 0)
+    write(tmp_path / "good.csv", **columns)
+    write(tmp_path / "upright.csv", **columns | {"psi": columns["psi"] + np.pi - 0.02})
+    (tmp_path / "recordings.toml").write_text('["*.csv".locked]\nl = 1.0\n')
+    good, upright = jbridge.inspect_recordings([tmp_path / "good.csv", tmp_path / "upright.csv"])
+    assert upright.problems and not any("hangs at" in n for n in good.recording.notes)
 
 
 def swing(  # noqa: PLR0913

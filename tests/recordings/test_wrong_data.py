@@ -213,6 +213,8 @@ def test_a_motors_encoder_is_no_input():
         ("psi", ["angle"], {"angle": "mm"}, 'column = "angle", unit = "rad"'),
         ("u_x", ["target_current", "current", "XVOLT"], {}, 'column = "XVOLT", unit = "V"'),
         ("u_x", ["target_current", "current"], {}, 'column = "current", unit = "A"'),
+        ("u_x", ["current_meas", "voltge"], {}, 'column = "voltge", unit = "V"'),
+        ("u_l", ["current", "hoist_current_mA"], {}, 'column = "hoist_current_mA", unit = "mA"'),
     ],
 )
 def test_the_best_of_several_columns_is_offered(channel, names, told, line):

@@ -65,10 +65,10 @@ def _nearby(
     own: Sequence[Candidate],
     explained: Callable[[Sequence[Candidate]], NDArray[np.float64]],
 ) -> tuple[float, Candidate]:
-    """The place to start near one of them that explains most, by bisection of each number that tells them apart."""
+    """The place to start near one of them that explains most, by bisection of each free number in which they differ."""
     reach = {}
     for key, value in best.values.items():
-        if isinstance(value, float):
+        if key in best.free and isinstance(value, float):
             apart = np.abs([float(other.values[key]) - value for other in own])
             if np.any(apart > 0.0):
                 reach[key] = float(apart[apart > 0.0].min())

@@ -42,10 +42,11 @@ def happens_once(kind: str) -> bool:
     return cls is not None and bool({"time", "start"} & set(parameters_of(cls)))
 
 
-def looks_like(one: Name, other: Name) -> bool:
+def looks_like(effect: Name, plainer: Name) -> bool:
     """Whether the catalogue says that some recordings cannot tell an effect from a plainer one."""
-    cls = CATALOGUE.get(one[0])
-    return cls is not None and any((each.own_site, each.kind, each.site) == (one[1], *other) for each in cls.alike)
+    kind, site = effect
+    alike = CATALOGUE[kind].alike if kind in CATALOGUE else ()
+    return any((each.own_site, each.kind, each.site) == (site, *plainer) for each in alike)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +144,8 @@ def proposals(setting: Setting, own: Plant, known: frozenset[str]) -> list[Candi
 
 def largest_shown(every: Sequence[Candidate]) -> dict[str, float]:
     """The largest periods and widths that recordings show, by parameter's name: of a longer period they do not show two
-    waves, and one wave is like any other smooth law; of a width beyond the inputs they show a slope alone.
+    waves, and one wave is like any other smooth law, but for that of a disc that turns with an angle; of a width beyond
+    the inputs they show a slope alone.
     """
     out: dict[str, float] = {}
     for candidate in every:

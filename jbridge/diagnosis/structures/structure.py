@@ -137,18 +137,22 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
 
 
 def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
-    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search, and
-    so does one with an effect that looks like a plainer one in its place."""
-    named = {name for model in models for name in model.names}
-
-    def rarer(model: Structure) -> int:
-        return sum(looks_like(name, other) for name in model.names for other in named - set(model.names))
-
-    first, *others = sorted(models, key=lambda s: (len(s.point.free), rarer(s), s.value))
+    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search. So
+    it does where an effect of it looks like a plainer one, which the other model has instead."""
+    first, *others = sorted(models, key=lambda s: (len(s.point.free), s.value))
     for other in others:
         if accepts(problem, first, other):
             first = other
+    for other in sorted(models, key=lambda s: s.value):
+        if _is_plainer(other, first) and not accepts(problem, other, first):
+            first = other
     return first
+
+
+def _is_plainer(one: Structure, other: Structure) -> bool:
+    """Whether two models differ by one effect, and that of the other looks like this one's."""
+    own, theirs = set(one.names) - set(other.names), set(other.names) - set(one.names)
+    return len(own) == len(theirs) == 1 and looks_like(theirs.pop(), own.pop())
 
 
 def prediction_gap(

@@ -175,9 +175,9 @@ def validate(
         not_missed = [n for n in due if judged[n].status == "event" or judged[n].steady <= CRITERIA.sure]
         if not_missed:
             least = min(not_missed, key=lambda name: judged[name].steady)
-            # What the hold-out speaks against is no part of the model; of what it does not excite it says nothing.
-            against = judged[least].status == "event" or judged[least].steady <= -CRITERIA.sure
-            if against and len(refuted) == len(left_out):
+            # Neither an event nor what the hold-out speaks against beside all others is a part of the model.
+            against = judged[least].steady <= -CRITERIA.sure and len(refuted) == len(left_out)
+            if against or judged[least].status == "event":
                 refuted.append(least)
             left_out.append(least)
             beside = runs[least]

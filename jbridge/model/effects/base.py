@@ -108,7 +108,7 @@ class Seed:
 
 @dataclasses.dataclass(frozen=True)
 class Alike:
-    """An explanation that some recordings cannot tell from an effect."""
+    """A plainer explanation that some recordings cannot tell from an effect."""
 
     own_site: str
     """Where the effect is."""
@@ -257,7 +257,8 @@ def interpolate(knots: Float[Array, " knot"], values: Float[Array, " knot"], q: 
 
 
 _REPEATED = 4
-"""Half waves that recordings cover at least of what is said to repeat: one wave alone is like any other smooth law."""
+"""Half waves that recordings cover at least of what is said to repeat along an axis: one wave alone is like any other
+smooth law."""
 
 
 def waves(span: float, count: int) -> list[Seed]:

@@ -27,7 +27,8 @@ _SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
 _TIMES = 40
 """Times at which a reading is thought to step."""
 _PER_TURN = range(1, 9)
-"""How often an angle's error may repeat in a turn: once off its centre, twice out of round or behind a joint."""
+"""How often an angle's error may repeat in a turn: once where the disc is off its centre, twice where it is out of
+round, and more often behind a gear."""
 
 
 class SensorOffset(AbstractSensor):
@@ -99,9 +100,9 @@ class SensorEccentricity(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         if site == PSI_SENSOR:
-            # Its disc sits on the pivot, or turns some times as fast behind a gear.
-            waves_of = ("amplitude", "phase")
-            return [Seed({"amplitude": 0.0, "period": 2 * math.pi / k, "phase": 0.0}, waves_of) for k in _PER_TURN]
+            # Its disc turns with the pivot, or a whole number of times as fast behind a gear.
+            free = ("amplitude", "phase")
+            return [Seed({"amplitude": 0.0, "period": 2 * math.pi / k, "phase": 0.0}, free) for k in _PER_TURN]
         span = max(scene.span(AXIS_OF_SITE[site]), 1e-2)
         return waves(span, 60)
 

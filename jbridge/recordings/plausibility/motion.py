@@ -152,11 +152,12 @@ class SwingTerms:
         is what was read over `factor`: large angles tell the two apart.
 
         -1 stands for another sign of either the position or the angle, which the equation cannot tell apart, and 0 for
-        a cart that does not matter, nor gravity where the angle is noise. The rope may be up to twice as long or short
-        as declared, and the angle's zero, if not its scale, anywhere near hanging or near upright.
+        a cart that does not matter. The rope may be up to twice as long or short as declared, and the angle's zero, if
+        not its scale, anywhere near hanging or near upright.
         """
         forces = [self.force(factor)]
         if factor == 0.0:
+            # Where the angle is noise, a smaller scale of all forces leaves less, and no force at all the least.
             forces.append(np.zeros_like(self.weight))
         # Only where the load then swings through less than half a turn, as one on a rope does.
         if abs(factor) not in (0.0, 1.0) and np.ptp(self.angle) < np.pi * abs(factor):
@@ -224,7 +225,7 @@ def misread_swing(
     size = other_scale(terms, OTHER_SCALE, scale)
     if size is None:
         return None
-    # Where the sign alone mends as good as all, the scale is a matter for a diagnosis.
+    # Where another sign alone mends it nearly as well, the scale is a matter for a diagnosis.
     turned = size < 0 and not certainly_better(terms.errors(-1.0), terms.errors(size))
     return Misread(1.0 if turned else abs(size), size < 0)
 
@@ -273,8 +274,9 @@ def falls_away(cells: Cells, way: float = 1.0) -> bool:
 
 
 def likelier_sign(cells: Cells) -> float:
-    """Returns the sign of the angle, 1 as it was read or -1, with which the load's equation leaves less."""
-    return best_scale(swing_terms(cells), [1.0])
+    """Returns the sign, 1 or -1, of an angle whose zero is upright with which the load's equation leaves less."""
+    terms = swing_terms(cells)
+    return min((1.0, -1.0), key=lambda way: float(np.sum(terms.about(-1.0, terms.force(way)) ** 2)))
 
 
 def hanging(cells: Cells, *, upright: bool = False, way: float = 1.0) -> float:

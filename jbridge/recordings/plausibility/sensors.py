@@ -39,6 +39,8 @@ FAR = 0.05
 """Angle [rad] that no friction at a pivot holds, and acceleration of a cart over gravity that makes any load swing."""
 FARTHEST = 1.0
 """Angle [rad] beyond which a sensor's zero is not near hanging."""
+HANGS = "The load hangs at "
+"""How a sentence on an angle's zero begins."""
 CELL = 0.2
 """Time over which a cart's position is averaged for its acceleration [s]."""
 
@@ -115,7 +117,7 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
     angle = hanging(cells)
     if np.mean(np.cos(psi)) > 0 and FAR < abs(angle) < FARTHEST:
         notes.append(
-            f"The load hangs at {angle:.2g} rad in the mean; if that is the sensor's zero, declare"
+            f"{HANGS}{angle:.2g} rad in the mean; if that is the sensor's zero, declare"
             f" {column.zeroed('psi', angle).line('psi')} under {channels.place('psi')}."
         )
     terms = swing_terms(cells)

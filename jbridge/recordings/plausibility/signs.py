@@ -81,7 +81,7 @@ def doubtful_angle(channels: Channels, cells: Cells | None, turned: bool) -> Ite
     what = ["swings to where the cart accelerates, against gravity"] if turned else []
     if cells is not None and falls_away(cells, way):
         # The line has a sign in any case: the likelier one, where neither is certain.
-        way = likelier_sign(cells)
+        way = way if turned else likelier_sign(cells)
         column = column.zeroed("psi", hanging(cells, upright=True, way=way))
         what.append("falls away from 0 as from upright")
     if what:

@@ -57,8 +57,14 @@ NEAR = {
     ),
 }  # fmt: skip
 """What others call a channel, in small letters without accents and without anything in between."""
-CURRENTS = ("current", "motorcurrent", "imotor", "strom", "motorstrom", "corriente", "corrente", "courant", "stroom")
-"""What they call a drive's current, which is its input where no voltage is logged."""
+CURRENTS = {
+    "u_x": (
+        "current", "motorcurrent", "cartcurrent", "trolleycurrent", "imotor", "strom", "motorstrom", "corriente",
+        "corrente", "courant", "stroom",
+    ),
+    "u_l": ("hoistcurrent", "winchcurrent"),
+}  # fmt: skip
+"""What they call a drive's current, which is its input where nothing else is logged that may be."""
 MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encoder", "sensor"}
 """Words that say of a channel's name that it is measured."""
 RAW = {"raw"}
@@ -183,8 +189,8 @@ def near_column(
 ) -> Column | None:
     """Returns a column that is probably meant for a channel by its name, with the unit that the name gives.
 
-    A name that is the channel's comes before one that says besides how it is measured, or is a current's, then come raw
-    readings, which are counts unless a unit is given, and slips of the keyboard are last.
+    A name that is the channel's comes before one that says besides how it is measured, then come raw readings, which
+    are counts unless a unit is given, slips of the keyboard, and a drive's current for its input.
 
     Args:
         channel: that is missing.
@@ -207,20 +213,20 @@ def near_column(
         known, measured = NEAR[channel], not channel.startswith("u_")
         bare = [word for word in whole if word not in MEASURED_AS] or whole if measured else whole
         raw = measured and not RAW.isdisjoint(whole)
+        current = "".join(word for word in whole if word not in MEASURED_AS) in CURRENTS.get(channel, ())
         if "".join(whole) in known:
             rank = 0
         elif "".join(bare) in known:
             rank = 2 if raw else 1
-        elif channel == "u_x" and "".join(bare) in CURRENTS:
-            rank = 1
         elif get_close_matches("".join(bare), [word for word in known if len(word) > 4], 1, 0.83):
             rank = 3  # a slip of the keyboard in a word of five letters or more
+        elif current:
+            rank = 4
         else:
             continue
         if not named:
             said = SPELLINGS.get(told.get(name, "").lower(), told.get(name, ""))
             usual = "deg" if channel == "psi" and sizes.get(name, 0.0) > TURNS else plain_column(channel).unit
-            usual = "A" if "".join(bare) in CURRENTS else usual
-            unit = said if said in UNITS[channel] else "count" if raw else usual
+            unit = said if said in UNITS[channel] else "count" if raw else "A" if current else usual
         found.append((rank, Column(name, unit)))
     return min(found, key=lambda each: each[0], default=(0, None))[1]

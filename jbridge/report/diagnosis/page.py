@@ -164,7 +164,7 @@ def _status(effect: NamedEffect) -> str:
     if effect.status == "event":
         return "An event: it happened once, in these recordings alone, and the model file leaves it out."
     if not effect.in_model:
-        return "Suggested: the recordings ask for it, but the hold-out is better without it: not in the model file."
+        return "Suggested: the recordings ask for it, but the hold-out speaks against it: not in the model file."
     return f"Suggested: the training recordings ask for it, and the hold-out does not decide.{share}"
 
 
