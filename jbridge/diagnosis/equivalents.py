@@ -21,8 +21,8 @@ from .selection.search import Search
 from .structures.candidates import WRONG_VALUE
 from .structures.space import Name, looks_like
 from .structures.structure import Structure, blocks_of
+from .validation.confirmation import Checked
 from .validation.refits import Fixed, replaced
-from .validation.validate import Checked
 from .words import effect_sentence
 
 

@@ -7,8 +7,8 @@ from jbridge.diagnosis.equivalents import Naming, named_effect, round_of
 from jbridge.diagnosis.selection.search import Search
 from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import Structure
+from jbridge.diagnosis.validation.confirmation import Checked
 from jbridge.diagnosis.validation.refits import exchanged, of_its_own
-from jbridge.diagnosis.validation.validate import Checked
 from jbridge.identification.estimation import Problem, start_of
 from jbridge.identification.setting import Setting
 from tests.diagnosis.test_moves import KNOWN, make_case

@@ -6,8 +6,9 @@ from scipy.stats import norm, ttest_1samp
 
 from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import Structure, base_structure, steadiness, weighed
+from jbridge.diagnosis.validation.confirmation import check_effect
 from jbridge.diagnosis.validation.holdout import HoldOut
-from jbridge.diagnosis.validation.validate import _checked, validate
+from jbridge.diagnosis.validation.validate import validate
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.evaluation.errors import Evaluation
@@ -22,22 +23,22 @@ DRAG = ("quadratic_drag", "cart")
 class Run(Evaluation):
     """Errors at one horizon, in units of each channel's noise; the cart's is a thousandth of the swing's.
 
-    Besides those of most windows there are those of one that no model meets.
+    Besides those of most windows there are those of one that no model meets, and the cart's at other horizons.
     """
 
-    def __init__(self, x, psi=0.0, *, unmet=0.0):
-        object.__setattr__(self, "most", {"x": x, "psi": psi})
+    def __init__(self, x, psi=0.0, *, unmet=0.0, others=None):
+        object.__setattr__(self, "most", {1.0: {"x": x, "psi": psi}} | {h: {"x": x} for h, x in (others or {}).items()})
         object.__setattr__(self, "total", {"x": x + unmet, "psi": psi})
 
     @property
     def horizons(self):
-        return (1.0,)
+        return tuple(sorted(self.most))
 
     def ratios(self, horizon):
         return {axis: np.sqrt(1.0 + total) for axis, total in self.total.items()}
 
     def typical_excess(self, horizon):
-        return self.most
+        return self.most[horizon]
 
     def excess(self, horizon):
         return {"x": 1e-6 * self.total["x"], "psi": self.total["psi"]}
@@ -88,12 +89,13 @@ def test_blocks_that_do_not_excite_an_effect_say_nothing():
         (90.0, 10.0, [40.0, 60.0, 50.0], "confirmed"),
         (12.0, 10.0, [40.0, 60.0, 50.0], "confirmed"),
         (8.0, 10.0, [40.0, 60.0, 50.0], "suggested"),  # what is left could be what it imitates
-        (0.5, 0.1, [4.0, 6.0, 5.0], "confirmed"),  # little, and nothing is left
+        (1.5, 0.1, [4.0, 6.0, 5.0], "confirmed"),  # little, and nothing is left
+        (0.5, 0.1, [4.0, 6.0, 5.0], "suggested"),  # less than the noise
         (90.0, 10.0, [40.0, -60.0, 1.0], "suggested"),  # in one block better, in another one worse
     ],
 )
 def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, left, losses, status):
-    found = _checked(DRAG, in_channel(losses, 0), np.ones(3), Run(100.0), Run(left), Run(left + back))
+    found = check_effect(DRAG, in_channel(losses, 0), np.ones(3), Run(100.0), Run(left), Run(left + back))
     assert found.status == status
     assert found.explained == pytest.approx(back / max(100.0, left + back))
 
@@ -102,7 +104,7 @@ def test_an_effect_is_confirmed_by_steady_gains_above_what_has_no_name(back, lef
 def test_what_has_no_name_in_one_channel_speaks_against_nothing_in_another(back, status):
     """The cart's error is 100 times larger in units of its noise, and hardly changes."""
     before, after, without = Run(1e6, 100.0), Run(9e5, 20.0), Run(9e5, 20.0 + back)
-    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 1), np.ones(3), before, after, without)
+    found = check_effect(DRAG, in_channel([40.0, 60.0, 50.0], 1), np.ones(3), before, after, without)
     assert found.status == status
     assert found.explained == pytest.approx(0.5 * back / 100.0)
 
@@ -112,7 +114,8 @@ def test_an_effect_is_judged_in_the_channel_in_which_it_matters():
     before, after, without = Run(1e6, 0.9), Run(9e5, 0.1), Run(9e5, 0.8)
     for channel, status in ((0, "suggested"), (1, "confirmed")):
         assert (
-            _checked(DRAG, in_channel([40.0, 60.0, 50.0], channel), np.ones(3), before, after, without).status == status
+            check_effect(DRAG, in_channel([40.0, 60.0, 50.0], channel), np.ones(3), before, after, without).status
+            == status
         )
 
 
@@ -120,22 +123,37 @@ def test_an_effect_is_judged_in_the_channel_in_which_it_matters():
 def test_one_channel_in_which_an_effect_is_more_than_what_has_no_name_will_do(back, status):
     """The swing loses a little more by the criterion, and keeps most of its error."""
     losses = in_channel([4.0, 6.0, 5.0], 0) + in_channel([4.0, 6.0, 6.0], 1)
-    found = _checked(DRAG, losses, np.ones(3), Run(100.0, 100.0), Run(20.0, 50.0), Run(20.0 + back, 60.0))
+    found = check_effect(DRAG, losses, np.ones(3), Run(100.0, 100.0), Run(20.0, 50.0), Run(20.0 + back, 60.0))
     assert found.status == status
 
 
 def test_a_window_that_no_model_meets_has_no_say():
     before, after, without = (Run(x, unmet=1e3) for x in (100.0, 10.0, 90.0))
-    assert _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), before, after, without).status == "confirmed"
+    assert (
+        check_effect(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), before, after, without).status == "confirmed"
+    )
+
+
+@pytest.mark.parametrize(
+    ("without", "status"),
+    [
+        ({0.3: 10.0, 1.0: 16.0, 3.0: 60.0}, "confirmed"),  # a wrong length shows in long windows
+        ({0.3: 10.0, 1.0: 24.0, 3.0: 10.0}, "suggested"),  # what helps at one horizon alone imitates something else
+    ],
+)
+def test_an_effect_is_judged_by_all_horizons(without, status):
+    before, after = (Run(x, others={0.3: x, 3.0: x}) for x in (100.0, 10.0))
+    left_out = Run(without.pop(1.0), others=without)
+    assert check_effect(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), before, after, left_out).status == status
 
 
 def test_where_nothing_exceeds_the_noise_steadiness_alone_decides():
-    found = _checked(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), Run(0.5), Run(0.1), Run(0.4))
+    found = check_effect(DRAG, in_channel([40.0, 60.0, 50.0], 0), np.ones(3), Run(0.5), Run(0.1), Run(0.4))
     assert found.status == "confirmed" and found.explained is None
 
 
 def test_what_happened_once_is_an_event():
-    found = _checked(
+    found = check_effect(
         ("missed_counts", "x_sensor"), in_channel([-1.0, 0.0, 0.0], 0), np.ones(3), Run(100.0), Run(1.0), Run(1.0)
     )
     assert found.status == "event"

@@ -2,12 +2,7 @@
 
 Each effect that was added is left out in turn and the rest fitted again to the recordings. The loss on the hold-out, in
 the unit of the criterion, is tested over blocks. What is not missed goes, the least first, and the others are judged
-once more: of two effects of which either would do, neither is missed beside the other. An effect without which the
-hold-out is met worse is confirmed if, in the channel whose error it changes most, it takes more off the square of the
-typical error than is left without a name: that, too, is a force that hold-outs repeat, and whatever effect is most like
-it imitates a part of it. The error is that of most windows, as the criterion counts it, since one that no model meets
-says nothing of the others. Errors of channels are not added up: what one of them cannot explain says nothing of
-another, and their noise, which a fine encoder makes as small as one likes, is no common unit.
+once more: of two effects of which either would do, neither is missed beside the other.
 """
 
 import dataclasses
@@ -18,7 +13,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._types import AXES
 from ...identification.data.windows import WHOLE, make_data
 from ...identification.estimation import Problem, make_problem
 from ...identification.evaluation.errors import Evaluation
@@ -28,28 +22,12 @@ from ...identification.likelihood import Likelihood, likelihood
 from ...identification.setting import Setting
 from ...recordings import Recording
 from ..criteria import CRITERIA
-from ..structures.space import Name, happens_once
-from ..structures.structure import Structure, prediction_gap, steadiness
+from ..structures.space import Name
+from ..structures.structure import Structure, prediction_gap
+from .confirmation import COMPARED, Checked, check_effect, explained_by_channel, one_second
 from .holdout import HoldOut
 from .own_numbers import Apart, own_numbers
 from .refits import Fixed, of_its_own, refitted
-
-_COMPARED = (0.3, 1.0, 3.0, WHOLE)
-"""Horizons on which models are compared, those of the criterion."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Checked:
-    """What the hold-out says of one effect."""
-
-    name: Name
-    status: str
-    """`confirmed`, `suggested`, or `event` for what happened once, in the recordings alone."""
-    explained: float | None
-    """Share of the hold-out's excess squared error that comes back without it, as a mean over the channels in which
-    any exceeds the noise; None where there is none."""
-    steady: float
-    """How steadily blocks of the hold-out are met worse without it, in standard errors, see `steadiness`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -144,7 +122,7 @@ def validate(
             after=before,
             train_before=train_before,
             train_after=train_before,
-            explained=_explained(before, before),
+            explained=explained_by_channel(before, before),
             learned={},
             scatter=scatters,
             apart=_apart(problem, holdout, given, tell, deadline),
@@ -170,7 +148,7 @@ def validate(
             loss = _by_block(criterion, run, blocks) - _by_block(criterion, beside, blocks)
             excited = criterion.expected(beside.square, prediction_gap(beside.data, beside.left, run.left))
             expected = _summed(excited, blocks).sum(axis=1)
-            judged[name] = _checked(name, loss, expected, before, beside, run)
+            judged[name] = check_effect(name, loss, expected, before, beside, run)
             judged_without[name] = len(left_out)
         not_missed = [n for n in due if judged[n].status == "event" or judged[n].steady <= CRITERIA.sure]
         if not_missed:
@@ -198,8 +176,8 @@ def validate(
         after=complete,
         train_before=train_before,
         train_after=own.evaluate(final.plant, final.engine) if refuted else learned,
-        explained=_explained(before, sure),
-        learned=_explained(train_before, learned),
+        explained=explained_by_channel(before, sure),
+        learned=explained_by_channel(train_before, learned),
         scatter=_scatters(problem, holdout, before),
         apart=_apart(problem, holdout, final, tell, deadline),
     )
@@ -213,7 +191,7 @@ def _given(problem: Problem, base: Structure, judge: Judge) -> tuple[Fixed, Eval
     found = []
     for each in (base, dataclasses.replace(base, point=problem.revalued(point))):
         run = judge.evaluate(each.plant, each.space.engine)
-        ratios = run.ratios(_one_second(run))
+        ratios = run.ratios(one_second(run))
         found.append((sum(r * r for r in ratios.values()), of_its_own(problem, each), run))
     _, given, before = min(found, key=lambda f: f[0])
     return given, before
@@ -240,76 +218,13 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     )
 
 
-def _explained(before: Evaluation, after: Evaluation, beside: Evaluation | None = None) -> dict[str, float]:
-    """Share of the excess squared error that a model closes, by channel in which it is larger than the noise.
-
-    Args:
-        before: the model as given.
-        after: the model of which it is told.
-        beside: one that is compared with it in place of the model as given.
-    """
-    horizon, axes = _shown(before)
-    first, last, other = (run.excess(horizon) for run in (before, after, beside or before))
-    # A noise that is estimated too large leaves less than nothing, and no more than all can be explained.
-    return {axis: min((other[axis] - last[axis]) / max(first[axis], other[axis]), 1.0) for axis in axes}
-
-
-def _one_second(run: Evaluation) -> float:
-    """The horizon of 1 s, or the nearest that the recordings are long enough for."""
-    return min(run.horizons, key=lambda h: abs(math.log(min(h, 1e3))))
-
-
-def _shown(before: Evaluation) -> tuple[float, list[str]]:
-    """The horizon of 1 s, and the channels whose excess is larger than the noise there; the next longer horizon where
-    there is none."""
-    nearest = _one_second(before)
-    for horizon in (h for h in before.horizons if h >= nearest):
-        axes = [axis for axis, ratio in before.ratios(horizon).items() if ratio**2 - 1.0 > 1.0]
-        if axes:
-            return horizon, axes
-    return nearest, []
-
-
-def _checked(
-    name: Name,
-    loss: NDArray[np.float64],
-    expected: NDArray[np.float64],
-    before: Evaluation,
-    complete: Evaluation,
-    run: Evaluation,
-) -> Checked:
-    """What the hold-out says of an effect.
-
-    Args:
-        name: of the effect.
-        loss: of the criterion without it, by block and channel.
-        expected: loss by block if the effect is what the model says.
-        before: the model as given.
-        complete: the model with it.
-        run: the model without it.
-    """
-    steady = steadiness(loss.sum(axis=1), expected)
-    own, (horizon, axes) = _explained(before, complete, run), _shown(before)
-    # It is judged where it changes the error most, of the channels that lose. One that hardly exceeds the noise has
-    # nothing that it might imitate.
-    left, without = (each.typical_excess(horizon) for each in (complete, run))
-    losing = [axis for axis, lost in zip(AXES, loss.sum(axis=0), strict=True) if lost > 0.0 and axis in left]
-    most = max(losing, key=lambda axis: (1.0 + without[axis]) / (1.0 + left[axis]), default=None)
-    nameless = most in axes and without[most] - left[most] <= left[most]
-    explained = float(np.mean(list(own.values()))) if own else None
-    if steady > CRITERIA.confirmed and not nameless:
-        return Checked(name, "confirmed", explained, steady)
-    once = happens_once(name[0]) and float(loss.sum()) <= 0.0
-    return Checked(name, "event" if once else "suggested", explained, steady)
-
-
 def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
     """The block of each window of the compared horizons; -1 where it is of none."""
     period = 0.0
     if "psi" in setting.axes:
         period = 2.0 * math.pi * math.sqrt(setting.length / 9.81)
     out = np.full(len(run.windows.recording), -1)
-    compared = np.isin(run.windows.horizon, _COMPARED)
+    compared = np.isin(run.windows.horizon, COMPARED)
     if len(run.data.grids) >= 6:
         return np.where(compared, run.windows.recording, -1)
     first = 0
@@ -345,7 +260,7 @@ def _apart(
         return ()
     tell("comparing the recordings")
     setting = problem.setting
-    every = make_data([*problem.data.recordings, *holdout], _COMPARED, setting.noise, problem.data.samples)
+    every = make_data([*problem.data.recordings, *holdout], COMPARED, setting.noise, problem.data.samples)
     return tuple(own_numbers(make_problem(setting, every), model))
 
 
