@@ -164,6 +164,7 @@ def _told(
             parameters=parameters_of(kind, site, values, number),
             equivalents=(),
             statement="",
+            status="given",
         )
         for (kind, site), count in given.items()
         for number in range(1, count + 1)
@@ -178,10 +179,10 @@ def _told(
         verdict,
         effects,
         (checked.explained, checked.learned),
-        worst,
-        remains,
+        (*worst, remains),
         complete=complete,
         stopped=search.stopped,
+        tried=any(search.tried),
     )
     rivals = contenders(search, effects) if opened else []
     apart = [
@@ -234,7 +235,10 @@ def _told(
         holdout=sealed.names,
         traces=shown,
         trials=_trials(search),
-        not_seen=not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents}) if opened else (),
+        # What was not looked for has no bound.
+        not_seen=not_seen(problem, found, {(r.kind, r.site) for e in effects for r in e.equivalents})
+        if search.stopped == "criterion"
+        else (),
         next_experiment=next_experiment(rivals, problem, tell) if len(rivals) > 1 else None,
         warnings=(*apart, *doubts),
         settings=dataclasses.asdict(CRITERIA) | {"seed": 0},

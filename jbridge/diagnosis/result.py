@@ -127,7 +127,8 @@ class NamedEffect:
     equivalents: tuple[Rival, ...]
     statement: str
     status: str = "confirmed"
-    """`confirmed` by the hold-out, `suggested`, or `event` for what happened once, in the recordings alone."""
+    """`confirmed` by the hold-out, `suggested`, `event` for what happened once, in the recordings alone; `given` for
+    what the model had."""
     explained: float | None = None
     """Share of the hold-out's excess squared error in windows of 1 s that comes back without it."""
     in_model: bool = True

@@ -119,11 +119,11 @@ def verdict_sentence(
     verdict: str | None,
     effects: Sequence[NamedEffect],
     explained: tuple[Mapping[str, float], Mapping[str, float]],
-    worst: tuple[float, str, float],
-    remains: str,
+    worst: tuple[float, str, float, str],
     *,
     complete: bool,
     stopped: str,
+    tried: bool,
 ) -> str:
     """The verdict in one or two sentences.
 
@@ -132,14 +132,14 @@ def verdict_sentence(
         effects: what was named.
         explained: share of the hold-out's error that confirmed effects explain, by channel in which there is any; and
             share of the training recordings' error that all effects explain.
-        worst: the largest error of the final model over what noise explains or scatter, its channel, and the horizon
-            [s].
-        remains: that error with its unit, and that of the hold-out where it is smaller.
+        worst: the largest error of the final model over what noise explains or scatter, its channel, the horizon [s],
+            and that error with its unit, beside that of the hold-out where it is smaller.
         complete: whether what remains is noise or measured scatter.
         stopped: why the search ended.
+        tried: whether any other model was fitted by then.
     """
     proven, learned = explained
-    ratio, axis, horizon = worst
+    ratio, axis, horizon, remains = worst
     where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
     left = f"{remains} in the {quantity_name(axis)} {where}, is {_times(ratio)} times what noise explains"
     late = " The budget ended before the search did: give it more with --budget." if stopped == "budget" else ""
@@ -169,10 +169,8 @@ def verdict_sentence(
             f" hold-out does not confirm {them}: what remains, {left}.{late}"
         )
     if late:
-        return (
-            "The budget ended before the search did: give it more with --budget. Something is missing, and nothing that"
-            f" was tried by then explains the hold-out: what remains, {left}."
-        )
+        what = "nothing that was tried by then explains the hold-out" if tried else "nothing was tried by then"
+        return f"{late.strip()} Something is missing, and {what}: what remains, {left}."
     return f"Something is missing, and nothing in the catalogue explains the hold-out: what remains, {left}."
 
 

@@ -21,6 +21,8 @@ is not a rig, and their difference is not noise. Chosen on concealed cases that 
 (experiments/concealed/calibrate.py), where the plain intervals cover 41 % and these 95 %."""
 _UNTOLD = 1e9
 """Standard deviation, over the value or one unit, beyond which a number shows in nothing that was recorded."""
+_WELL = 0.05
+"""Standard deviation over its number up to which the number is known well."""
 _CLOCK = 0.01
 """Share of the sampling period that is added to the standard deviation of a time: nobody knows better when a sample was
 taken and when an input acted, and two engines differ by up to this in the delays of the same recordings."""
@@ -139,7 +141,9 @@ def warnings(
     loose: dict[str, list[int]] = {}
     entries = [table.entry(int(place)) for place in free]
     uncertain = [bool(wide[i] > 0.5 * max(abs(vector[place]), 1e-9)) for i, place in enumerate(free)]
-    together = _inseparable(entries, stds, cov)
+    # What is known well beside another number is told apart from it, however much they have to do with each other.
+    well = wide <= _WELL * np.abs(vector[free])
+    together = [m for m in _inseparable(entries, stds, cov) if not well[m].all()]
     for i, place in enumerate(free):
         entry = entries[i]
         name, value = number_name(entry.name), f"{vector[place]:.3g} {entry.unit}".removesuffix(" 1")

@@ -139,7 +139,7 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
 
 
 def _numbers(found: Identifiability) -> Iterator[str]:
-    yield "Parameters that a fit would estimate, to the accuracy that recordings allow"
+    yield "Parameters that a fit would estimate, to the accuracy that a complete model allows"
     width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]

@@ -3,7 +3,7 @@
 from ..identification.result import Fit
 from .figures.gallery import Gallery, fit_signals
 from .text.html import page, piece
-from .text.rows import error_rows, parts
+from .text.rows import error_rows, is_met, parts
 from .text.words import CHANNELS
 
 
@@ -22,5 +22,6 @@ def fit_sentence(fit: Fit) -> str:
     """How well the fitted model does, in one sentence, on recordings it was not fitted to if there are any."""
     errors, which = (fit.holdout, "hold-out") if fit.holdout else (fit.train, "training")
     rows = error_rows(None, errors.free_run, fit.noise)
-    said = ", ".join(f"{CHANNELS[row.channel]} to {row.after} ({row.after_ratio})" for row in rows)
-    return f"The fitted model reproduces the {which} recordings: {said}."
+    said = ", ".join(f"{CHANNELS[row.channel]} by {row.after} ({row.after_ratio})" for row in rows)
+    more = "" if is_met(fit) else " To find out what the model lacks, run jbridge diagnose."
+    return f"In free runs the fitted model misses the {which} recordings' {said}.{more}"

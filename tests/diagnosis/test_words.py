@@ -31,10 +31,10 @@ DOUBTED = NamedEffect(
 
 
 def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=None, **told):
-    worst = (ratio, "x", horizon)
+    worst = (ratio, "x", horizon, "0.4 mm")
     shares = explained if isinstance(explained, dict) else {"x": explained}
-    told = {"complete": False, "stopped": "criterion", **told}
-    return verdict_sentence(verdict, effects, (shares, learned or {}), worst, "0.4 mm", **told)
+    told = {"complete": False, "stopped": "criterion", "tried": True, **told}
+    return verdict_sentence(verdict, effects, (shares, learned or {}), worst, **told)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +70,7 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=
         (said("unknown", horizon=math.inf), "in whole recordings"),
         (said("unknown", stopped="budget"), "give it more with --budget."),
         (said("unknown", stopped="budget"), "nothing that was tried by then explains the hold-out"),
+        (said("unknown", stopped="budget", tried=False), "Something is missing, and nothing was tried by then"),
         (
             said(None, [FRICTION], stopped="interrupted"),
             "after it had found Coulomb friction at the cart; the hold-out",

@@ -91,6 +91,7 @@ def test_what_is_not_determined_is_said():
     (said,) = warnings(TABLE, VECTOR, free, tied, TABLE.bounds())
     assert said.startswith("The recordings hardly tell cart gain and cart damping apart: ")
     assert said.endswith("Inputs of several sizes and steady runs at several speeds would part them.")
+    assert warnings(TABLE, VECTOR, free, 1e-3 * tied, TABLE.bounds()) == []
     free = places("cart_mass", "cart_damping", "cart_gain", "swing_damping")
     scale = np.append(VECTOR[free[:3]], 0.0) * 10.0  # ten times as wide as they are large
     (said,) = warnings(TABLE, VECTOR, free, np.outer(scale, scale) + np.diag([0.0, 0.0, 0.0, 1e-12]), TABLE.bounds())

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ...model.names import site_name
 from .quantities import digits, percent, unbroken
+from .rows import is_met
 from .tables import errors_table, parameter_tables
 from .words import capital, effect_name
 
@@ -53,6 +54,7 @@ def _environment() -> Environment:
     made.globals |= {
         "effect_name": effect_name,
         "errors_table": errors_table,
+        "is_met": is_met,
         "parameter_tables": parameter_tables,
         "site_name": site_name,
     }

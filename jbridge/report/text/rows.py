@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Collection, Mapping
 
+from ...diagnosis.criteria import CRITERIA
 from ...diagnosis.result import Diagnosis
 from ...identification.result import Estimate, Fit
 from .quantities import UNKNOWN, digits, error_scale, join_unit, percent, shown, times_noise
@@ -22,6 +23,12 @@ class ErrorRow:
     noise: str
     closed: str
     """Share of the gap to the noise that is closed."""
+
+
+def is_met(fit: Fit) -> bool:
+    """Whether what a fitted model leaves of whole recordings is noise in every channel."""
+    errors = (fit.holdout or fit.train).free_run
+    return all(error <= CRITERIA.met * fit.noise[channel] for channel, error in errors.items())
 
 
 def error_rows(

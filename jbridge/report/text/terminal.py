@@ -12,7 +12,7 @@ from ..diagnosis.next_steps import limit_text
 from ..diagnosis.places import when_sentences, where_sentences
 from ..files import PathLike
 from .quantities import UNKNOWN, join_unit, percent, shown
-from .rows import error_rows, is_changed, parameter_rows, parts
+from .rows import error_rows, is_changed, is_met, parameter_rows, parts
 from .tables import WIDTH, Table
 from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
@@ -76,6 +76,8 @@ def describe_fit(fit: Fit, folder: PathLike | None = None) -> str:
         if errors is not None:
             lines += ["", *_errors(f"{which}, whole recordings", None, errors.free_run, fit.noise)]
             lines += _errors(f"{which}, windows of {fit.window:g} s", None, errors.window, fit.noise)
+    if not is_met(fit):
+        lines += ["", *_wrapped("Next", "What remains is more than noise: jbridge diagnose looks for what is missing.")]
     lines += _remarks(fit.warnings, fit.notes, fit.traces)
     if folder is not None:
         lines += ["", f"{'Report':{_INDENT}}{Path(folder) / 'fit.html'}"]
