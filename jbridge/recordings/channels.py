@@ -14,6 +14,7 @@ from jbridge.recordings.checks import (
     check_length,
     check_size,
     check_times,
+    counted_on,
 )
 from jbridge.recordings.recording import INPUTS
 from jbridge.recordings.sidecar import Sidecar
@@ -78,6 +79,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar, columns: dict[str
         InputError: naming file, row and column.
     """
     raw = {channel: column.convert(table.columns[column.name], channel) for channel, column in columns.items()}
+    raw["t"], counted = counted_on(raw["t"])
     times = raw["t"]
     for channel, values in raw.items():
         if values.size != times.size:
@@ -95,7 +97,7 @@ def read_channels(path: Path, table: Table, declared: Sidecar, columns: dict[str
     left_out = frozenset(channel for channel in CHANNELS if declared.column(channel) is None)
     others = {name: values for name, values in table.columns.items() if name not in used | left_out}
     extras = {name: values for name, values in others.items() if values.size == times.size and name not in table.clocks}
-    notes = list(table.notes)
+    notes = [*table.notes, *filter(None, [counted])]
     if columns["t"].name in table.clocks:
         notes.append(
             f"Column {quoted(columns['t'].name)} has times of day, which are read as seconds from the first row."

@@ -1,6 +1,7 @@
 """What no recording of a bridge can contain, from times that stand still to degrees called radians."""
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -23,6 +24,8 @@ FASTEST = 50e-6
 """Time between rows [s] below which the unit of the time is doubted."""
 SLOWEST = 0.5
 """Time between rows [s] that leaves less than three samples of a swing on a rope of 0.5 m."""
+COUNTERS = tuple(2**bits * tick for bits in (16, 32) for tick in (1e-6, 1e-3))
+"""Times [s] after which a microcontroller's counter of microseconds or milliseconds starts again."""
 GRAVITY = 9.81
 TOO_FAST = 2.0
 """Multiple of what gravity and the cart can give a load, above which its angle cannot be in radians."""
@@ -105,8 +108,25 @@ def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
         sample,
         "t",
         f"time must increase, but {now!s} s comes before that of the row above ({before!s} s){more}; keep one run in a"
-        " file",
+        " file, and begin another one with this row",
     )
+
+
+def counted_on(times: np.ndarray) -> tuple[np.ndarray, str]:
+    """Returns times that count on where a counter of 16 or 32 bits starts again, and a sentence on it.
+
+    Args:
+        times: of the rows [s].
+    """
+    steps = np.diff(times)
+    falls = steps < 0
+    usual = float(np.median(steps[steps > 0])) if falls.any() and (steps > 0).any() else math.inf
+    for period in COUNTERS:
+        missing = steps[falls] + period
+        if period > 100 * usual and np.all((missing > 0) & (missing < 10 * usual)):
+            on = times + period * np.concatenate([[0], np.cumsum(falls)])
+            return on, f"The time starts again after {period:.6g} s, as a counter does; it is counted on."
+    return times, ""
 
 
 def with_longer_unit(column: Column, step: float) -> Column | None:

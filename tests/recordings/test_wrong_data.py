@@ -195,6 +195,36 @@ def test_a_column_that_may_be_the_angle_is_asked_for(tmp_path, name):
         recording_of(tmp_path, f"t,x,l,{name}", range(400), "")
 
 
+@pytest.mark.parametrize(
+    ("channel", "size", "unit"),
+    [
+        ("x", 0.98, "m"),
+        ("x", 98.0, "cm"),
+        ("x", 980.0, "mm"),
+        ("l", 420.0, "mm"),
+        ("psi", 2.9, "rad"),
+        ("psi", 28.0, "deg"),
+    ],
+)
+def test_a_column_is_offered_in_the_unit_of_its_size(channel, size, unit):
+    name = {"x": "pos", "psi": "phi", "l": "rope"}[channel]
+    found = near_column(channel, [name], sizes={name: size})
+    assert found is not None and found.unit == unit
+
+
+@pytest.mark.parametrize(("bits", "unit"), [(32, "us"), (16, "ms")])
+def test_a_counter_that_starts_again_is_counted_on(write, columns, bits, unit):
+    tick = {"us": 1e-6, "ms": 1e-3}[unit]
+    counts = np.round(columns["t"] / tick) + 2.0**bits - 1.0 / tick
+    declared = f't = {{column = "t", unit = "{unit}"}}'
+    read, plain = (
+        load_recording(write(columns | {"t": times}, f"[columns]\n{declared}\n"))
+        for times in (counts % 2**bits, np.round(columns["t"] / tick))
+    )
+    np.testing.assert_allclose(read.times - read.times[0], plain.times - plain.times[0], atol=1e-6)
+    assert any("it is counted on" in note for note in read.notes)
+
+
 def test_a_motors_encoder_is_no_input():
     assert near_column("u_x", ["t", "motor_encoder"]) is None
     found = near_column("u_x", ["motor_encoder", "motor_voltage"])

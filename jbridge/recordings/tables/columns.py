@@ -69,8 +69,10 @@ MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encode
 """Words that say of a channel's name that it is measured."""
 RAW = {"raw"}
 """Words among them that say that it is in the sensor's counts."""
-TURNS = 30.0
-"""Numbers of an angle from which on they are rather degrees than radians: five turns."""
+_BY_LENGTH = ((20.0, "cm"), (200.0, "mm"), (2e4, "um"))
+UNITS_BY_SIZE = {"psi": ((6.3, "deg"),), "x": _BY_LENGTH, "l": _BY_LENGTH}
+"""Numbers of a channel from which on they are rather in another unit than the first one: few loads turn over, and no
+laboratory is 20 m long."""
 OTHER = {
     "ref",
     "reference",
@@ -196,7 +198,8 @@ def near_column(
         channel: that is missing.
         names: of the columns.
         told: units that the file gives elsewhere, by the name of the column.
-        sizes: largest numbers of the columns. An angle of many turns is offered in degrees, unless the file says more.
+        sizes: largest numbers of the columns. What is large for the channel's usual unit is offered in another one,
+            unless the file says more.
 
     >>> near_column("psi", ["t", "x_ref", "angle_raw", "Theta (deg)"])
     Column(name='Theta (deg)', unit='deg', sign=1.0, offset=0.0, scale=None, radius=None, late=0)
@@ -226,7 +229,8 @@ def near_column(
             continue
         if not named:
             said = SPELLINGS.get(told.get(name, "").lower(), told.get(name, ""))
-            usual = "deg" if channel == "psi" and sizes.get(name, 0.0) > TURNS else plain_column(channel).unit
+            larger = [unit for least, unit in UNITS_BY_SIZE.get(channel, ()) if sizes.get(name, 0.0) > least]
+            usual = (larger or [plain_column(channel).unit])[-1]
             unit = said if said in UNITS[channel] else "count" if raw else "A" if current else usual
         found.append((rank, Column(name, unit)))
     return min(found, key=lambda each: each[0], default=(0, None))[1]
