@@ -38,7 +38,7 @@ from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
 from .validation.refits import of_its_own
 from .validation.validate import Validation, unopened, validate, whole_errors
-from .words import amount, apart_sentence, verdict_sentence
+from .words import Remains, amount, apart_sentence, verdict_sentence
 
 BUDGET = 300.0
 """Time that a diagnosis takes, about [s]."""
@@ -96,6 +96,7 @@ def diagnose(
     setting = setting.thinned()
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))
+    problem = dataclasses.replace(problem, until=begun + (1.0 - _MOST_KEPT) * budget)
     fitting = time.monotonic()
     given = resolve(model.plant, setting.length)
     problem, fitted = fit_structure(problem, given, model.known)
@@ -109,10 +110,14 @@ def diagnose(
     base = base_structure(problem, space, fitted.point)
     search = select(problem, base, given, tell, until)
     base, found = search.held[0], search.held[-1]
-    if search.stopped == "interrupted":
+    checked = None
+    if search.stopped != "interrupted":
+        try:
+            checked = validate(search.problem, base, found, sealed, tell, begun + budget)
+        except KeyboardInterrupt:
+            search = dataclasses.replace(search, stopped="interrupted")
+    if checked is None:
         checked = unopened(search.problem, base, found)
-    else:
-        checked = validate(search.problem, base, found, sealed, tell, begun + budget)
     result = _told(model, search, checked, sealed, tell, begun + budget)
     return dataclasses.replace(
         result,
@@ -179,7 +184,7 @@ def _told(
         verdict,
         effects,
         (checked.explained, checked.learned),
-        (*worst, remains),
+        Remains(*worst, remains),
         complete=complete,
         stopped=search.stopped,
         tried=any(search.tried),

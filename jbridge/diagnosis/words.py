@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from ..identification.result import Estimate
 from ..model.effects.catalogue import CATALOGUE
@@ -115,11 +116,24 @@ def share_of(explained: float) -> str:
     return f"{min(100.0 * explained, 99.9 if explained < 1.0 else 100.0):.3g} %"
 
 
+class Remains(NamedTuple):
+    """What a model leaves: its largest error over what is foreseen."""
+
+    ratio: float
+    axis: str
+    horizon: float
+    """[s]"""
+    over_scatter: bool
+    """Whether the error is over the scatter of repeated runs, and not over what noise explains."""
+    amount: str
+    """The error with its unit, beside that of the hold-out where it is smaller."""
+
+
 def verdict_sentence(
     verdict: str | None,
     effects: Sequence[NamedEffect],
     explained: tuple[Mapping[str, float], Mapping[str, float]],
-    worst: tuple[float, str, float, str],
+    remains: Remains,
     *,
     complete: bool,
     stopped: str,
@@ -132,16 +146,16 @@ def verdict_sentence(
         effects: what was named.
         explained: share of the hold-out's error that confirmed effects explain, by channel in which there is any; and
             share of the training recordings' error that all effects explain.
-        worst: the largest error of the final model over what noise explains or scatter, its channel, the horizon [s],
-            and that error with its unit, beside that of the hold-out where it is smaller.
+        remains: the final model's largest error.
         complete: whether what remains is noise or measured scatter.
         stopped: why the search ended.
         tried: whether any other model was fitted by then.
     """
     proven, learned = explained
-    ratio, axis, horizon, remains = worst
-    where = "in whole recordings" if math.isinf(horizon) else f"in windows of {horizon:g} s"
-    left = f"{remains} in the {quantity_name(axis)} {where}, is {_times(ratio)} times what noise explains"
+    where = "in whole recordings" if math.isinf(remains.horizon) else f"in windows of {remains.horizon:g} s"
+    times, channel = _times(remains.ratio), quantity_name(remains.axis)
+    over = "the scatter of repeated runs" if remains.over_scatter else "what noise explains"
+    left = f"{remains.amount} in the {channel} {where}, is {times} times {over}"
     late = " The budget ended before the search did: give it more with --budget." if stopped == "budget" else ""
     if verdict is None:
         named = listed([e for e in effects])
@@ -149,13 +163,15 @@ def verdict_sentence(
     if verdict == "adequate":
         return (
             "The model explains the recordings: what remains is noise or the rig's own measured scatter, at most "
-            f"{_times(ratio)} times it ({quantity_name(axis)}, {where})."
+            f"{times} times it ({channel}, {where})."
         )
     sure = [e for e in effects if e.status == "confirmed"]
     explain = "explains" if len(sure) == 1 else "explain"
     if verdict == "missing_physics":
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in sure) else "The model lacks physics"
-        rest = "What remains is noise." if complete else f"What remains, {left}, and has no name."
+        rest = f"What remains, {left}, and has no name."
+        if complete:
+            rest = f"What remains is {'scatter between repeated runs' if remains.over_scatter else 'noise'}."
         return f"{lead}: {listed(sure)} {explain} {_shares(proven)}. {rest}{late}"
     if sure:
         return (

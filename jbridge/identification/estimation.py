@@ -6,6 +6,7 @@ the motion; nothing is refused because a free run falls or runs away. Longer win
 
 import dataclasses
 import math
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,6 +68,11 @@ class Problem:
     until: float = math.inf
     """Time of `time.monotonic` [s] at which fits end wherever they are."""
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the time for fits is over."""
+        return time.monotonic() > self.until
+
     def of_horizons(self, horizons: Sequence[float]) -> "Problem":
         """The same with the windows of some horizons only; the criterion of the others is left out."""
         return self._of([t.horizon in horizons for t in self.data.tilings])
@@ -76,11 +82,23 @@ class Problem:
         return self.of_horizons(self.data.horizons[:2])
 
     def of_some(self, most: int) -> "Problem":
-        """The same with so many of the recordings' tilings at most, evenly chosen."""
-        count = len(self.data.grids)
-        if count <= most:
+        """The same with so many of the recordings' tilings, evenly chosen; of other ones, or of more, where it takes
+        these for every axis that moves to do so in one of them."""
+        held = sorted({t.recording for t in self.data.tilings})
+        if len(held) <= most:
             return self
-        return self.of_recordings(np.linspace(0, count - 1, most).round().astype(int).tolist())
+        moving = {r: frozenset(np.flatnonzero(self.data.grids[r].active).tolist()) for r in held}
+
+        def seen(recordings: Sequence[int]) -> frozenset[int]:
+            return frozenset[int]().union(*(moving[r] for r in recordings))
+
+        even = [held[i] for i in np.linspace(0, len(held) - 1, most).round().astype(int)]
+        if seen(even) == seen(held):
+            return self.of_recordings(even)
+        chosen: list[int] = []
+        while seen(chosen) != seen(held):
+            chosen.append(max(held, key=lambda r: (len(moving[r] - seen(chosen)), r in even)))
+        return self.of_recordings([*chosen, *(r for r in even if r not in chosen)][: max(most, len(chosen))])
 
     def of_recordings(self, numbers: Sequence[int]) -> "Problem":
         """The same with the tilings of some recordings only."""

@@ -14,7 +14,7 @@ from ..model.files import Model
 from ..model.parameters import ParameterTable
 from ..recordings import Recording, covered_by
 from .data.thinning import thinned
-from .data.windows import HORIZONS, make_data
+from .data.windows import make_data, make_windows
 from .estimation import engine_for, fit_structure, make_problem
 from .evaluation.errors import WINDOW
 from .evaluation.judge import make_judge
@@ -50,7 +50,7 @@ def fit(
         The fitted model with 95 % intervals and free-run errors.
 
     Raises:
-        InputError: model and recordings do not go together, or the window is shorter than ten samples.
+        InputError: model and recordings do not go together, or the window does not suit a recording.
     """
     begun = time.perf_counter()
     tell = progress or silent
@@ -66,7 +66,7 @@ def fit(
     setting = setting.thinned()
     recordings, holdout = setting.recordings, tuple(map(thinned, holdout))
     given = resolve(model.plant, setting.length)
-    problem = make_problem(setting, make_data(recordings, HORIZONS if window is None else (window,)))
+    problem = make_problem(setting, make_data(recordings) if window is None else make_windows(recordings, window))
     tell("fitting")
     problem, fitted = fit_structure(problem, given, model.known)
     cov = covariance(problem, fitted.engine, fitted.point)
@@ -141,12 +141,12 @@ def fit_from_many(
         progress: told what goes on; by default a bar on a terminal or in a notebook.
 
     Raises:
-        InputError: model and recordings do not go together.
+        InputError: model and recordings do not go together, or one is too short.
     """
     (progress or silent)(f"fitting from {starts} starts")
     setting = make_setting(model, recordings, ()).thinned()
     plant = resolve(model.plant, setting.length)
-    problem = make_problem(setting, make_data(setting.recordings, (WINDOW,)))
+    problem = make_problem(setting, make_windows(setting.recordings, WINDOW))
     engine = engine_for(setting, problem.data, plant)
     table = engine.table
     free = free_places(table, model.known, setting)

@@ -69,6 +69,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     t = np.arange(0.0, recording.duration, period)
     rows = recording.times - recording.times[0]
     q, v, a = {}, {}, {}
+    bridged = np.zeros(len(t), bool)
     for axis in AXES:
         values = getattr(recording, axis)
         if values is None:
@@ -78,11 +79,18 @@ def balance(plant: Plant, recording: Recording) -> Balance:
             continue
         fresh = recording.fresh[axis]
         even = np.interp(t, rows[fresh], values[fresh])
+        if not np.isfinite(even).all():  # a simulation that ran away
+            q[axis] = v[axis] = a[axis] = np.full_like(t, np.nan)
+            continue
         half = max(_HALF_WIDTH[axis], 4.0 * float(np.median(np.diff(rows[fresh]))))
+        # What is smoothed across a gap is no motion that was measured.
+        for i in np.flatnonzero(np.diff(rows[fresh]) > half):
+            begin, end = rows[fresh][i : i + 2]
+            bridged |= (t > begin - half) & (t < end + half)
         width = 2 * max(2, round(half / period)) + 1
         width = min(width, (len(t) - 1) // 2 * 2 - 1)
         q[axis], v[axis], a[axis] = (
-            savgol_filter(even, width, 2, deriv=order, delta=period, mode="nearest") for order in range(3)
+            savgol_filter(even, width, 2, deriv=order, delta=period, mode="interp") for order in range(3)
         )
         if axis == "l" and not recording.has_hoist:
             v[axis], a[axis] = np.zeros_like(t), np.zeros_like(t)
@@ -107,7 +115,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
         if not moves:
             continue
         values = force[axis]
-        known = np.isfinite(values)
+        known = np.isfinite(values) & ~bridged
         filled = np.where(known, values, 0.0)
         weight = np.convolve(known, np.ones(width) / width, mode="same")
         smooth = np.convolve(filled, np.ones(width) / width, mode="same") / np.maximum(weight, 1e-9)

@@ -147,7 +147,8 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     known_lengths = [value for value in lengths if value is not None]
     length = float(np.mean(known_lengths)) if known_lengths else 0.5
     # The hold-out serves for channels that nothing else tells of, and for nothing more.
-    noise = noise_floor(holdout) | noise_floor(recordings)
+    # Of the samples that a search has: closer ones of a filtered sensor differ by less than its noise.
+    noise = noise_floor([*map(thinned, holdout)]) | noise_floor([*map(thinned, recordings)])
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
     masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
     masses = {name: mass for name, mass in masses.items() if mass > 0.0}

@@ -2,11 +2,12 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from jbridge import diagnose, simulate
 from jbridge.diagnosis.validation.holdout import split_off
-from tests.identification.cases import DRY, NOISE, cart_model, cart_recordings, scaled, values
+from tests.identification.cases import DRY, NOISE, cart_model, cart_recordings, make_recording, scaled, values
 from tests.problems import make_plant
 
 DRAG = 60.0
@@ -115,6 +116,28 @@ def _plain(found):
     told = {f.name: getattr(found, f.name) for f in dataclasses.fields(found) if f.name not in left_out}
     curves = [[t.after[axis].tolist() for axis in t.after] for t in found.traces]
     return repr(told), values(found.model.plant), values(found.before.plant), curves
+
+
+def test_what_one_recording_alone_shows_is_learned():
+    runs = rig()
+    times = runs[0].times
+    hoist = make_recording("hoist.csv", times, u_l=np.sin(times), l=0.6 + 0.1 * np.sin(times))
+    kept, held, note = split_off([*runs, hoist])
+    assert [r.name for r in held] == ["run-4.csv"] and kept[-1] is hoist and "run-4.csv" in note
+
+
+@pytest.mark.parametrize("when", ["round 1", "validating", "leaving out"])
+def test_an_interrupt_leaves_what_was_found(missing, when):
+    def stop(text):
+        if str(text).startswith(when):
+            raise KeyboardInterrupt
+
+    runs = rig(("quadratic_drag", "cart", {"coefficient": DRAG}))
+    found = diagnose(model(), runs[:3], runs[3:], progress=stop)
+    assert found.stopped == "interrupted" and found.verdict is None and not found.horizons
+    kinds = [effect.kind for effect in found.effects]
+    assert kinds == ([] if when == "round 1" else ["quadratic_drag"])
+    assert [e.kind for e in found.model.plant.effects] == ["coulomb_friction", *kinds]
 
 
 def test_without_a_hold_out_the_last_quarter_is_one():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from jbridge.diagnosis.result import NamedEffect, Rival
-from jbridge.diagnosis.words import apart_sentence, effect_sentence, verdict_sentence
+from jbridge.diagnosis.words import Remains, apart_sentence, effect_sentence, verdict_sentence
 from jbridge.identification.result import Estimate
 
 FRICTION = NamedEffect(
@@ -30,11 +30,11 @@ DOUBTED = NamedEffect(
 )
 
 
-def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=None, **told):
-    worst = (ratio, "x", horizon, "0.4 mm")
+def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=None, scatter=False, **told):
+    remains = Remains(ratio, "x", horizon, scatter, "0.4 mm")
     shares = explained if isinstance(explained, dict) else {"x": explained}
     told = {"complete": False, "stopped": "criterion", "tried": True, **told}
-    return verdict_sentence(verdict, effects, (shares, learned or {}), worst, **told)
+    return verdict_sentence(verdict, effects, (shares, learned or {}), remains, **told)
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,8 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=
             "name.",
         ),
         (said("missing_physics", [FRICTION], complete=True), "What remains is noise."),
+        (said("missing_physics", [FRICTION], complete=True, scatter=True), "remains is scatter between repeated runs."),
+        (said("missing_physics", [FRICTION], scatter=True), "is 13 times the scatter of repeated runs, and has no"),
         (said("missing_physics", [FRICTION], 0.99996), "explains 99.9 % of"),
         (
             said("missing_physics", [FRICTION], {"x": 0.98, "psi": -0.1, "l": 0.3}),

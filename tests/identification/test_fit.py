@@ -95,6 +95,13 @@ def test_forces_without_a_scale_go_with_a_mass():
     assert gain.std < 0.02 * gain.value
 
 
+def test_windows_that_suit_no_recording_are_refused():
+    times = np.arange(300) * 0.01
+    short = make_recording("short.csv", times, u_x=np.sin(3 * times), x=0.5 + 0.1 * np.sin(times))
+    with pytest.raises(InputError, match=r"short.csv: windows of 2 s .* of 2.99 s; give between 0.06 and 1.8 s"):
+        fit(cart_model(), [short], window=2.0)
+
+
 def test_a_gain_without_an_input_is_refused():
     times = np.arange(200) * 0.01
     still = make_recording("still.csv", times, u_x=np.zeros(200), x=np.full(200, 0.5))

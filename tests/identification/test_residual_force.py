@@ -55,6 +55,27 @@ def test_blur_cancels_and_the_missing_force_stays():
     assert np.nanmedian(whole.less(truly_own).force["x"]) == pytest.approx(0.2, abs=0.02)
 
 
+def of_rows(recording, rows):
+    return dataclasses.replace(
+        recording,
+        times=recording.times[rows],
+        x=recording.x[rows],
+        u_x=recording.u_x[rows],
+        u_l=None if recording.u_l is None else recording.u_l[rows],
+        fresh={"x": recording.fresh["x"][rows]},
+    )
+
+
+def test_no_force_is_told_of_across_a_gap_and_none_arises_at_the_ends():
+    recording = recorded(BASE, noise=0.1)
+    there = (recording.times < 4.0) | (recording.times > 4.8)
+    whole, cut = (balance(BASE, each) for each in (recording, of_rows(recording, there)))
+    assert np.isfinite(whole.force["x"][(whole.times > 4.0) & (whole.times < 4.8)]).any()
+    assert np.isnan(cut.force["x"][(cut.times > 4.0) & (cut.times < 4.8)]).all()
+    ends = (whole.times < 0.35) | (whole.times > whole.times[-1] - 0.35)
+    assert rms(whole.force["x"][ends]) < 2.0 * rms(whole.force["x"][~ends])
+
+
 def test_a_motion_far_off_is_not_blurred_alike():
     recording = recorded(BASE)
     other = dataclasses.replace(recording, x=recording.x + 0.2 * np.sin(5.0 * recording.times))
@@ -79,14 +100,7 @@ def test_time_goes_on_in_the_last_part_of_a_recording():
     plant = make_plant(DRIFT)
     recording = recorded(plant, noise=0.0)
     rows = recording.times >= 8.0
-    part = dataclasses.replace(
-        recording,
-        times=recording.times[rows],
-        x=recording.x[rows],
-        u_x=recording.u_x[rows],
-        u_l=None if recording.u_l is None else recording.u_l[rows],
-        fresh={"x": recording.fresh["x"][rows]},
-    )
+    part = of_rows(recording, rows)
     late = balance(plant, dataclasses.replace(part, begun=float(part.times[0]))).force["x"]
     early = balance(plant, dataclasses.replace(part, begun=0.0)).force["x"]
     # Without it, friction is 3.2 N too small, one way or the other.

@@ -44,10 +44,14 @@ def added(
         given: the plant with the numbers of the model file, from which effects are screened as well: fitted numbers
             make up for what is missing, as a larger dead zone does for a friction. None in later rounds.
     """
+    if problem.is_late:
+        return [], []
     there, space = among.point, among.space
     best: dict[Name, tuple[float, Candidate, Start]] = {}
     for found in sorted(screened(part, among, shared), key=lambda found: found[0]):
         best.setdefault(found[1].name, found)
+    if problem.is_late:
+        return [], []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
 
     def price(candidate: Candidate, free: NDArray[np.int64]) -> float:
@@ -55,7 +59,7 @@ def added(
 
     # Of two that meet the recordings as well, the one with fewer numbers comes first.
     chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
-    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
+    low = problem.shortest().of_recordings(sorted({t.recording for t in part.data.tilings}))
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
     elsewhere: dict[Name, Start] = {}

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -42,7 +41,7 @@ def with_mechanisms(
         choice: logarithm of the number of alternatives, by effect.
         best: the best model with one effect more so far, if there is one.
     """
-    low = problem.shortest().of_some(len({t.recording for t in part.data.tilings}))
+    low = problem.shortest().of_recordings(sorted({t.recording for t in part.data.tilings}))
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in apart:
         by_name.setdefault(candidate.name, []).append(candidate)
@@ -75,7 +74,7 @@ def with_mechanisms(
 
     def tried(name: Name) -> tuple[float, Plant, Candidate, tuple[Point, Point]] | None:
         seeds, less = by_name[name], gone(name)
-        if time.monotonic() > problem.until:
+        if problem.is_late:
             return None
         left = tuple(e for e in plant.effects if (e.kind, e.site) not in less)
         own = Plant(plant.bridge, (*left, _effect(seeds[0])))

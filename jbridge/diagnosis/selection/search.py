@@ -10,7 +10,6 @@ lowers the criterion, or when every channel is met.
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -83,15 +82,15 @@ def select(
     stopped = "criterion"
     for number in range(CRITERIA.rounds):
         now = held[-1]
-        problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
-        problem = dataclasses.replace(problem, until=until(len(now.names) + 1))
-        # What a larger model gains must not be what more iterations gain.
-        [point] = problem.solve(now.space.engine, [now.point.start])
-        point = problem.solved_anew(now.space.engine, point)
-        now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
-        so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
-        tell(f"round {number + 1}: looking beyond {so_far}")
         try:
+            problem = problem.judged_by(problem.residuals(now.space.engine, now.point))
+            problem = dataclasses.replace(problem, until=until(len(now.names) + 1))
+            # What a larger model gains must not be what more iterations gain.
+            [point] = problem.solve(now.space.engine, [now.point.start])
+            point = problem.solved_anew(now.space.engine, point)
+            now = held[-1] = weighed(problem, dataclasses.replace(now, point=point))
+            so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
+            tell(f"round {number + 1}: looking beyond {so_far}")
             found = _smaller(problem, base, now, runners_up, seen)
             if not leaves_nothing(problem, now):
                 found += _larger(problem, base, now, None if number else given, seen)
@@ -100,7 +99,7 @@ def select(
             break
         better = [s for s in found if accepts(problem, now, s)]
         tried.append(tuple(dataclasses.replace(s, left=()) for s in sorted(found, key=_value)))
-        if time.monotonic() > problem.until:
+        if problem.is_late:
             stopped = "budget"
         if better:
             best = preferred(problem, better)
@@ -111,9 +110,12 @@ def select(
             break
         forget_if_large()
     problem = dataclasses.replace(problem, until=math.inf)
-    if stopped != "interrupted":
-        [point] = problem.solve(held[-1].space.engine, [held[-1].point.start])
-        held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
+    try:
+        if stopped != "interrupted":
+            [point] = problem.solve(held[-1].space.engine, [held[-1].point.start])
+            held[-1] = weighed(problem, with_own_levels(dataclasses.replace(held[-1], point=point)))
+    except KeyboardInterrupt:
+        stopped = "interrupted"
     return Search(problem, tuple(held), tuple(tried), stopped)
 
 
@@ -155,6 +157,8 @@ def _larger(
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
     [there] = part.solve(now.space.engine, [begun], _FIRST)
+    if problem.is_late:
+        return []
     among = seen_among_all(problem, part, dataclasses.replace(now, point=there))
     every = [c for c in proposals(problem.setting, now.plant, now.known) if c.name not in now.names]
     names = {c.name for c in every}
@@ -179,7 +183,7 @@ def _larger(
         found += tried
         good = sorted((s for s in tried if accepts(problem, now, s)), key=lambda s: s.value)
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
-    if time.monotonic() > problem.until:
+    if problem.is_late:
         return found
     if not good:
         moves = paired(problem, part, now, among, shared, choice)
@@ -244,7 +248,7 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
     axes."""
 
     def begun(move: Move) -> _Fit | None:
-        if time.monotonic() > problem.until:
+        if problem.is_late:
             return None
         engine, start = move.space.engine, move.start
         low = problem.shortest()
@@ -260,7 +264,7 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
             restarted = True
             [other] = problem.solve(engine, [Start(move.absent, start.free, now.point.states)], _STAGE)
             first, point = min((first, point), (now.point, other), key=lambda pair: pair[1].value)
-        if time.monotonic() > problem.until:
+        if problem.is_late:
             # What was cut short says nothing beside what was not.
             return None
         fitted = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
@@ -276,7 +280,7 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
         longer: set[int] = set()
         for _ in range(1, _STAGES):
             on = _undecided(problem.setting, now, fits)
-            if time.monotonic() > problem.until:
+            if problem.is_late:
                 break
             for i, fit in zip(on, pool.map(continued, [fits[i] for i in on]), strict=True):
                 fits[i] = fit

@@ -22,13 +22,23 @@ class HoldOut:
 
 
 def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
-    """The last quarter of the recordings, or of the time of a single one, as hold-out."""
+    """The last quarter of the recordings, or of the time of a single one, as hold-out.
+
+    What only one recording shows is learned from it, so that this one is none of the hold-out.
+    """
     if len(recordings) > 1:
         count = max(1, len(recordings) // 4)
-        names = ", ".join(r.name for r in recordings[-count:])
+        learned, proof = list(recordings), list[Recording]()
+        for each in reversed(recordings):
+            rest = [r for r in learned if r is not each]
+            if len(proof) < count and _parts(each) <= frozenset[str]().union(*map(_parts, rest)):
+                learned, proof = rest, [each, *proof]
+        if not proof:
+            learned, proof = list(recordings[:-count]), list(recordings[-count:])
+        names = ", ".join(r.name for r in proof)
         return (
-            tuple(recordings[:-count]),
-            tuple(recordings[-count:]),
+            tuple(learned),
+            tuple(proof),
             f"No hold-out was given: {names} took no part in the choice and serves as one.",
         )
     only = recordings[0]
@@ -44,3 +54,8 @@ def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], t
         f"There is one recording: its last quarter, from {only.times[cut] - only.times[0]:.3g} s, took no part in the "
         "choice and serves as hold-out.",
     )
+
+
+def _parts(recording: Recording) -> frozenset[str]:
+    """The parts of the bridge that a recording shows."""
+    return frozenset(part for part in ("has_cart", "has_swing", "has_hoist") if getattr(recording, part))

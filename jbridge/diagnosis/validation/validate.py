@@ -59,10 +59,10 @@ class Validation:
     def confirmed(self) -> tuple[Checked, ...]:
         return tuple(c for c in self.checked if c.status == "confirmed")
 
-    def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float]:
+    def worst(self, evaluations: Sequence[Evaluation]) -> tuple[float, str, float, bool]:
         """Error over what the true model would leave, or over measured scatter where that is larger: the largest, its
-        channel and horizon."""
-        out = (0.0, "", 0.0)
+        channel and horizon, and whether it is over scatter."""
+        out = (0.0, "", 0.0, False)
         for run in evaluations:
             for horizon in run.horizons:
                 spread = self.scatter.get(horizon) or {}
@@ -70,13 +70,13 @@ class Validation:
                 for axis, error in errors.items():
                     ratio = error / max(foreseen[axis], spread.get(axis, 0.0))
                     if ratio > out[0]:
-                        out = (ratio, axis, horizon)
+                        out = (ratio, axis, horizon, spread.get(axis, 0.0) > foreseen[axis])
         return out
 
     @property
     def verdict(self) -> tuple[str, bool]:
         """The verdict, and whether what remains is noise or measured scatter."""
-        worst, _, _ = self.worst((self.after, self.train_after))
+        worst, *_ = self.worst((self.after, self.train_after))
         met = worst <= CRITERIA.met
         if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
             return "missing_physics", met

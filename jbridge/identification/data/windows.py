@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..._types import AXES, Axes
+from ...errors import InputError
 from ...recordings import Recording
 from ...simulation.inputs import Lane
 from .grid import Grid, grid
@@ -29,7 +30,9 @@ HORIZONS = (0.3, 1.0, 3.0, WHOLE)
 _EARLY, _MOVING = 0.05, 0.02
 """Time [s] over which, and speed [m/s] from which, an axis is seen to move when its recording begins."""
 _FEWEST = 6
-"""Samples of a window, at least, for a horizon to be used."""
+"""Samples of a window, at least, for a horizon to be used,"""
+_MOST = 0.6
+"""and share of the recording's time, at most."""
 
 
 class Course(eqx.Module):
@@ -141,6 +144,24 @@ def make_data(
     return Data(tuple(recordings), grids, sigma, y, measured, tuple(tilings), period)
 
 
+def make_windows(recordings: Sequence[Recording], horizon: float) -> Data:
+    """The same with windows of one length [s] in every recording.
+
+    Raises:
+        InputError: a recording is too short for them, or has too few samples in each.
+    """
+    data = make_data(recordings, (horizon,))
+    cut = {tiling.recording for tiling in data.tilings}
+    for r, (recording, g) in enumerate(zip(recordings, data.grids, strict=True)):
+        if r not in cut:
+            least, most = _FEWEST * float(np.median(np.diff(g.times[g.measured.any(axis=1)]))), _MOST * g.times[-1]
+            raise InputError(
+                f"{recording.name}: windows of {horizon:g} s do not suit a recording of {recording.duration:.3g} s; "
+                f"give between {least:.2g} and {most:.2g} s, or leave it out"
+            )
+    return data
+
+
 def deviations(recordings: Sequence[Recording], noise: Mapping[str, float] | None = None) -> NDArray[np.float64]:
     """Standard deviation of the noise by recording and channel [m, rad, m], NaN where a channel is not measured: the
     given one for all recordings, or each recording's own."""
@@ -173,7 +194,7 @@ def _edges(g: Grid, horizon: float) -> NDArray[np.int64] | None:
     if math.isinf(horizon):
         return np.array([0, end])
     rows = np.flatnonzero(g.measured.any(axis=1))
-    if horizon < _FEWEST * float(np.median(np.diff(g.times[rows]))) or horizon > 0.6 * last:
+    if horizon < _FEWEST * float(np.median(np.diff(g.times[rows]))) or horizon > _MOST * last:
         return None
     count = max(round(last / horizon), 1)
     edges = np.searchsorted(g.times, np.arange(count) * horizon)
