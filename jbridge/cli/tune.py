@@ -105,7 +105,7 @@ def _region(rail: list[float] | None, rope: list[float] | None) -> "jbridge.Regi
         ("rope", rope, jbridge.PAPER_REGION.rope, 0.0),
     ):
         low, high = given or usual
-        if not least < low < high < float("inf"):
+        if not (least < low < high < float("inf") or name == "rope" and 0.0 < low == high):
             raise InputError(f"--{name} {low:g} {high:g}: give the lower end and the higher one in metres")
         ends[name] = (low, high)
     return jbridge.Region(**ends)

@@ -229,6 +229,7 @@ def _told(
             known=known,
             uncertainty=as_uncertainty(values),
             recorded=covered_by(setting.recordings),
+            units=setting.units,
         ),
         train_before=checked.train_before.as_errors(),
         train_after=checked.train_after.as_errors(),

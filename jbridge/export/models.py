@@ -43,7 +43,7 @@ def mujoco_xml(model: Model, rope: float) -> str:
     length = repr(rope)
     return f"""\
 <mujoco model="bridge">{comment}
-  <!-- Coordinates: x [m], psi [rad], l [m]. Controls: u_x, u_l [V]. At rest u_l is {_rest(bridge)[1]:.6g} V. -->
+  <!-- Coordinates: x [m], psi [rad], l [m]. Controls: {_inputs(model)}. At rest u_l is {_rest(bridge)[1]:.6g}. -->
   <option timestep="0.001" integrator="RK4" gravity="0 0 -{number["gravity"]}">
     <flag contact="disable"/>
   </option>
@@ -98,8 +98,13 @@ def state_space(bridge: Bridge, rope: float) -> tuple[NDArray[np.float64], NDArr
     return np.asarray(a), np.asarray(b)
 
 
+def _inputs(model: Model) -> str:
+    """The inputs with their units."""
+    return ", ".join(f"{name} [{model.units.get(name, 'V')}]" for name in ("u_x", "u_l"))
+
+
 def _rest(bridge: Bridge) -> tuple[float, float]:
-    """Voltages at which the load hangs still [V]."""
+    """Inputs at which the load hangs still, in the unit of the gains."""
     return 0.0, -float(bridge.load_mass * bridge.gravity / bridge.hoist_gain)
 
 
@@ -110,7 +115,7 @@ def state_space_module(model: Model, rope: float) -> str:
     without = f"\n\nWithout {left_out}, which a linear system does not have." if left_out else ""
     return f'''"""A loading bridge, linearised about the load hanging still on {rope!r} m of rope, in continuous time.
 
-States: x [m], psi [rad], l [m] and their rates, less the working point. Inputs: u_x, u_l [V], less those at rest.
+States: x [m], psi [rad], l [m] and their rates, less the working point. Inputs: {_inputs(model)}, less those at rest.
 Outputs: x, psi, l, less the working point.{without}
 """
 
@@ -145,18 +150,18 @@ def matlab_function(model: Model, name: str, rope: float) -> str:
         f"function model = {name}()",
         "% A loading bridge, written by jbridge. SI units, angles in rad.",
         "% model.A, B, C, D: the bridge without its effects about the load hanging still, continuous time;",
-        "% states x, psi, l and their rates, inputs u_x, u_l [V], outputs x, psi, l, all less model.at_rest.",
+        f"% states x, psi, l and their rates, inputs {_inputs(model)}, outputs x, psi, l, all less model.at_rest.",
     ]
     for key, info in parameters_of(Bridge).items():
-        unit = info.unit.format(u_x="V", u_l="V")
+        unit = info.unit.format(**({"u_x": "V", "u_l": "V"} | dict(model.units)))
         lines.append(f"model.{key} = {float(getattr(bridge, key))!r}; % [{unit}] {info.doc}")
     for number, effect in enumerate(model.plant.effects, start=1):
         lines.append(f"model.effect{{{number}}}.kind = '{effect.kind}';")
         lines.append(f"model.effect{{{number}}}.site = '{effect.site}';")
         for key, info in parameters_of(type(effect)).items():
             value = np.asarray(getattr(effect, info.name), float)
-            text = _matlab(value)
-            lines.append(f"model.effect{{{number}}}.{key} = {text}; % [{unit_at(info.unit, effect.site)}] {info.doc}")
+            unit = unit_at(info.unit, effect.site, model.units)
+            lines.append(f"model.effect{{{number}}}.{key} = {_matlab(value)}; % [{unit}] {info.doc}")
         for key, choices in options_of(type(effect)).items():
             lines.append(f"model.effect{{{number}}}.{key} = '{choices[round(float(getattr(effect, key)))]}';")
     a, b = state_space(bridge, rope)

@@ -84,7 +84,11 @@ def fit(
     shown = [trace for a, b, role in runs for trace in traces((given, a), (fitted.plant, b), role)]
     return Fit(
         model=dataclasses.replace(
-            model, plant=fitted.plant, uncertainty=as_uncertainty(found), recorded=covered_by(recordings)
+            model,
+            plant=fitted.plant,
+            uncertainty=as_uncertainty(found),
+            recorded=covered_by(recordings),
+            units=setting.units,
         ),
         estimates=found,
         train=runs[0][1].as_errors(),

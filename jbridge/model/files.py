@@ -26,7 +26,9 @@ from .parameters import ParameterTable, bridge_keys
 from .plant import Plant
 
 _SECTIONS = ("bridge", "effect", "uncertainty", "recorded")
-_RECORDED = ("x", "l")
+_RECORDED, _INPUTS = ("x", "l"), ("u_x", "u_l")
+_UNITS = ("V", "A", "%", "count", "N", "N m")
+"""Of inputs, as recordings have them."""
 _SETTLED = ("winch_mass", "gravity")
 """Numbers of the bridge that are taken as known where a file leaves them out."""
 _NEEDS = (
@@ -52,6 +54,13 @@ class Model:
     """The file that it was read from, for messages."""
     recorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) in the recordings of an earlier fit."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Unit of each input (`u_x`, `u_l`) in those recordings, volts where not told; gains and dead zones have it."""
+
+    @property
+    def has_hoist(self) -> bool:
+        """Whether the file gives a hoist; without one the rope is locked."""
+        return "winch_mass" in self.given and "hoist_gain" in self.given
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
@@ -74,8 +83,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     names = _known_names(file.within("[bridge]"), known, ParameterTable(plant))
     left_out = {key for key in _SETTLED if key not in given}
     uncertainty = _read_uncertainty(file, document.get("uncertainty", {}))
-    recorded = _read_recorded(file, document.get("recorded", {}))
-    return Model(plant, frozenset(names | left_out), frozenset(given), uncertainty, str(path), recorded)
+    recorded, units = _read_recorded(file, document.get("recorded", {}))
+    return Model(plant, frozenset(names | left_out), frozenset(given), uncertainty, str(path), recorded, units)
 
 
 def save_model(path: str | os.PathLike[str], model: Model) -> None:
@@ -253,18 +262,22 @@ def _read_uncertainty(file: Where, table: Any) -> Mapping[str, Mapping[str, Any]
     return table
 
 
-def _read_recorded(file: Where, table: Any) -> dict[str, tuple[float, float]]:
+def _read_recorded(file: Where, table: Any) -> tuple[dict[str, tuple[float, float]], dict[str, str]]:
     if not isinstance(table, dict):
         file.refuse("recorded is not a table; write [recorded] with x = [0.0, 1.2], or delete it")
     where = file.within("[recorded]")
-    where.check_keys(table, _RECORDED, "key")
-    found = {}
-    for key, ends in table.items():
+    where.check_keys(table, (*_RECORDED, *_INPUTS), "key")
+    found, units = {}, {}
+    for key in [key for key in _INPUTS if key in table]:
+        if table[key] not in _UNITS:
+            where.refuse(f"{key} = {shown(table[key])} is no unit of an input; write one of {', '.join(_UNITS)}")
+        units[key] = table[key]
+    for key, ends in ((key, ends) for key, ends in table.items() if key in _RECORDED):
         sound = isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)
         if not (sound and -math.inf < ends[0] <= ends[1] < math.inf):
             where.refuse(f"{key} = {shown(ends)} does not go from least to most; write it as {key} = [0.0, 1.2] (m)")
         found[key] = (float(ends[0]), float(ends[1]))
-    return found
+    return found, units
 
 
 def _as_toml(model: Model) -> str:
@@ -289,6 +302,7 @@ def _as_toml(model: Model) -> str:
     for name, entries in model.uncertainty.items():
         lines += ["", f"[uncertainty.{as_key(name)}]"]
         lines += [f"{as_key(key)} = {as_value(value)}" for key, value in entries.items() if value is not None]
-    if model.recorded:
-        lines += ["", "[recorded]", *(f"{key} = {as_value(list(ends))}" for key, ends in model.recorded.items())]
+    recorded = [f"{key} = {as_value(list(ends))}" for key, ends in model.recorded.items()]
+    recorded += [f"{key} = {as_value(unit)}" for key, unit in model.units.items() if unit != "V"]
+    lines += ["", "[recorded]", *recorded] if recorded else []
     return "\n".join(lines) + "\n"

@@ -144,7 +144,7 @@ def closed_loop(  # noqa: PLR0913
     if memory == 0 and (*plant.all(AbstractDelay), *plant.all(SensorDelay)):
         raise ValueError("the plant has a delay: pass memory=periods_remembered(plant, period)")
     one = jnp.ones_like(initial[0])
-    moving = Axes(one, one, one) if active is None else active
+    moving = Axes(one, one, one) if active is None else Axes(*(moves * one for moves in active))
     step = jnp.asarray(period, one.dtype)
     sampled = SampledPlant(plant, step, substeps, memory, moving, method, reverse)
     controller = controller.ready()

@@ -8,11 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import Axes
 from ..control.base import Reference
 from ..control.compensation import limits_of
 from ..control.files import Controller
 from ..control.measures import Move, moves
 from ..errors import InputError
+from ..model.effects.base import CART_DRIVE, HOIST_DRIVE
+from ..model.effects.drives import DeadZone
 from ..model.files import Model, requires
 from ..model.steps import substeps
 from ..trajectory import Path
@@ -47,22 +50,54 @@ class Tracking:
         return {"t": self.times, **self.command, **self.measured, **wanted}
 
 
+_DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
 _run = eqx.filter_jit(closed_loop)
+
+
+def moving(model: Model) -> Axes | None:
+    """1 for an axis that moves; None where all do."""
+    return None if model.has_hoist else Axes(jnp.ones(()), jnp.ones(()), jnp.zeros(()))
+
+
+def check_limits(model: Model, controller: Controller) -> None:
+    """Checks that a controller can move what it commands.
+
+    Raises:
+        InputError: the limit of a drive lies within its dead zone.
+    """
+    limits = np.asarray(limits_of(controller.law)).tolist()
+    for limit, (name, axis, site) in zip(limits, _DRIVES, strict=True):
+        zones = list(model.plant.all(DeadZone, site))
+        least = min(sum(float(getattr(zone, side)) for zone in zones) for side in ("positive", "negative"))
+        if limit <= least:
+            unit = model.units.get(name, "V")
+            volts = "" if unit == "V" else "; rules and gains in volts do not suit an input in another unit"
+            raise InputError(
+                f"{controller.source or 'the controller'}: it drives the {axis} with {limit:.4g} {unit} at most, within"
+                f" the model's dead zone of {least:.4g} {unit}, so that nothing moves; set {axis}_limit under"
+                f" [compensation] of the controller's file{volts}"
+            )
 
 
 def track(model: Model, controller: Controller, path: Path) -> Tracking:
     """Lets a controller move a model's bridge along a reference, from rest at its beginning.
 
     Args:
-        model: what moves.
+        model: what moves; the cart and the load alone where the rope is locked (`Model.has_hoist`).
         controller: what commands it.
         path: the reference, at the controller's samples (`smooth_path`); the controller's shaping is done here.
 
     Raises:
-        InputError: the model lacks a part of the bridge, path and controller have different periods, or the loop runs
-            away.
+        InputError: the model lacks a part of the bridge that the reference moves, a drive's limit lies within its dead
+            zone, path and controller have different periods, or the loop runs away.
     """
-    requires(model, ("x", "psi", "l"))
+    requires(model, ("x", "psi"))
+    if not model.has_hoist and np.ptp(path.l) > 0.0:
+        raise InputError(
+            f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give a "
+            "reference whose l is the rope's length at every point, such as points = [[0.2, 0.42], [0.8, 0.42]]"
+        )
+    check_limits(model, controller)
     plant, period = model.plant, controller.period
     if len(path.times) < 2 or not np.allclose(np.diff(path.times), period, rtol=1e-6, atol=1e-9):
         raise InputError(
@@ -83,6 +118,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         period=period,
         substeps=substeps(plant, period),
         memory=periods_remembered(plant, period),
+        active=moving(model),
     )
     position = np.stack([np.asarray(values) for values in response.q.axes], axis=1)
     command = np.asarray(response.command)

@@ -259,6 +259,7 @@ class Course:
         period: float,
         prepare: Callable[[Path], Path] | None = None,
         noise: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        active: Axes | None = None,
     ):
         """
         Args:
@@ -268,7 +269,9 @@ class Course:
             period: of the controller's sampling [s].
             prepare: what is done to the reference before a controller sees it (`control.shaping.shaped`).
             noise: standard deviations of the readings of x, psi and l [m, rad, m], the same white noise in every move.
+            active: 1 for an axis that moves; by default all do.
         """
+        self._active = active
         self._prepare = prepare
         self.table = ParameterTable(plant)
         self.rows = rows
@@ -325,6 +328,7 @@ class Course:
             period=self.period,
             substeps=self._substeps,
             memory=self._memory,
+            active=self._active,
             collect=collect,
             reverse=reverse,
         )

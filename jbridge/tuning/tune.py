@@ -16,6 +16,7 @@ from ..control.files import Controller
 from ..errors import InputError
 from ..model.files import Model, requires
 from ..simulation.closed_loop import Response
+from ..simulation.tracking import check_limits, moving
 from ..trajectory import Path
 from .cost import Cost, Measure
 from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, late, mixed_legs, random_legs, scattered
@@ -92,12 +93,13 @@ def tune(  # noqa: PLR0913
     """Moves a controller's numbers so that it does well on many bridges about a model.
 
     Args:
-        model: in the middle of the ensemble, with all three axes.
+        model: in the middle of the ensemble; the cart and the load alone where the rope is locked (`Model.has_hoist`).
         controller: what is tuned: a fuzzy controller's sets, scales and rule weights, or another law's gains.
         goal: what is to be small; `objectives.usual_goal` by default.
         legs: moves to learn from; by default two for every bridge, one of the paper's and one of its own, or two of
             its own if there is a region.
-        region: where random moves begin and end, held-out ones among them; by default where the paper's do.
+        region: where random moves begin and end, held-out ones among them; by default where the paper's do. Both ends
+            of a locked rope are its length.
         prepare: what is done to a reference before a controller sees it; by default its own shaping.
         plants: bridges to learn from, the model itself among them.
         held_out: further bridges, on which random other moves are made; they choose nothing.
@@ -109,12 +111,18 @@ def tune(  # noqa: PLR0913
         progress: told what goes on, a short text at a time; by default a bar on a terminal or in a notebook.
 
     Raises:
-        InputError: the model lacks a part of the bridge.
+        InputError: the model lacks a part of the bridge, or a drive's limit lies within its dead zone.
         TypeError: the controller has nothing that can be tuned.
     """
     begun = time.perf_counter()
     tell = progress or silent
-    requires(model, ("x", "psi", "l"))
+    requires(model, ("x", "psi"))
+    if not model.has_hoist and (region is None or region.rope[0] != region.rope[1]):
+        raise InputError(
+            f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give its "
+            "length as both ends of the rope's region, as in --rope 0.42 0.42"
+        )
+    check_limits(model, controller)
     if min(plants, held_out, steps, starts) < 1 or seed < 0:
         raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
     if max(plants, held_out, steps, starts) > MOST:
@@ -124,8 +132,10 @@ def tune(  # noqa: PLR0913
     knobs = knobs_of(controller.law)
     period, prepare = controller.period, prepare or controller.shaping
     plant = late(model.plant) if scatter.late > 0 else model.plant
+    # No sensor reads a rope that is locked.
+    noise = scatter.noise if model.has_hoist else (*scatter.noise[:2], 0.0)
     course = Course(
-        plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare, scatter.noise
+        plant, scattered(plant, plants, seed, scatter, model.uncertainty), legs, period, prepare, noise, moving(model)
     )
     others = Course(
         plant,
@@ -140,7 +150,8 @@ def tune(  # noqa: PLR0913
         ),
         period,
         prepare,
-        scatter.noise,
+        noise,
+        moving(model),
     )
     cost = Cost(course, goal or usual_goal(), knobs)
     far = Cost(others, goal or usual_goal(), knobs)

@@ -1,5 +1,6 @@
 """Models in other languages: what MuJoCo simulates, what python-control computes, and which numbers MATLAB reads."""
 
+import dataclasses
 import functools
 import re
 import runpy
@@ -116,6 +117,9 @@ def test_matlab_has_every_number():
     rows = [[float(n) for n in row.split(",")] for row in matrix.split(";")]
     np.testing.assert_array_equal(rows, state_space(plant.bridge, 0.6)[0])
     assert text.startswith("function model = bridge()\n") and text.endswith("end\n")
+    assert "[N/V]" in text and "u_x [V], u_l [V]" in text
+    counted = matlab_function(dataclasses.replace(model_of(plant), units={"u_x": "count"}), "bridge", 0.6)
+    assert "[N/count]" in counted and "[N/V]" in counted and "u_x [count], u_l [V]" in counted
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def assert_same(one: Model, other: Model) -> None:
         ParameterTable(one.plant).ravel(one.plant), ParameterTable(other.plant).ravel(other.plant)
     )
     assert (one.known, one.given, one.uncertainty) == (other.known, other.given, other.uncertainty)
-    assert one.recorded == other.recorded
+    assert (one.recorded, one.units) == (other.recorded, other.units)
 
 
 def test_reading(write):
@@ -169,6 +169,7 @@ def test_round_trip_of_every_effect(tmp_path):
         frozenset(bridge_keys()),
         {"cart_gain": {"std": 0.1}, "position_dependent_friction@cart.levels": fitted},
         recorded={"x": (-1 / 3, 1e-300), "l": (0.7, 0.7)},
+        units={"u_x": "count"},
     )
     save_model(tmp_path / "model.toml", model)
     assert_same(load_model(tmp_path / "model.toml"), model)
@@ -447,6 +448,8 @@ def test_masses_of_absent_parts_are_not_compared(write):
         ("l = [true, 2]", "does not go from least to most"),
         ("l = 0.7", "does not go from least to most"),
         ("psi = [0.0, 1.0]", "psi"),
+        ('u_x = "counts"', r"u_x = .*counts.* is no unit of an input; write one of V, A, %, count, N, N m"),
+        ("u_l = [0.0, 1.0]", "is no unit of an input"),
     ],
 )
 def test_what_is_wrong_with_a_recorded_range_is_said(write, line, complaint):

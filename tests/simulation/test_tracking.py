@@ -10,9 +10,10 @@ from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
 from jbridge.control.shaping import Shaping
+from jbridge.errors import InputError
 from jbridge.model.files import Model
 from jbridge.report.control.comparison_text import describe_rivals
-from jbridge.simulation.tracking import track
+from jbridge.simulation.tracking import check_limits, track
 from jbridge.trajectory import smooth_path
 from tests.problems import NUMBERS, make_plant
 
@@ -34,6 +35,30 @@ def test_a_shaped_reference_leaves_less_swing_and_is_measured_against_the_wanted
     # A whole period of the swing late: 1.4 s at up to 0.6 m behind what is wanted.
     assert shaped.arrival == plain.arrival and shaped.itae["x"] > 2.0 * plain.itae["x"]
     assert len(runs()["shaped"].times) == len(runs()["plain"].times) + 71
+
+
+@pytest.mark.parametrize(("width", "moves"), [(2.9, True), (3.0, False), (21.0, False)])
+def test_a_limit_within_the_dead_zone_is_refused(width, moves):
+    """The drives end at 3 V where a controller says no more."""
+    plant = make_plant(("dead_zone", "cart_drive", {"positive": width, "negative": 30.0}))
+    model = dataclasses.replace(MODEL, plant=plant, units={"u_x": "count"})
+    if moves:
+        check_limits(model, PID)
+    else:
+        with pytest.raises(InputError, match=f"3 count at most, .* dead zone of {width:g} count, .* set cart_limit"):
+            check_limits(model, PID)
+
+
+def test_a_model_without_a_hoist_has_its_rope_locked():
+    """A cart without dynamics of a hoist moves as beside one that holds the rope."""
+    locked = dataclasses.replace(MODEL, given=MODEL.given - {"winch_mass", "hoist_gain"})
+    path = smooth_path([(0.2, 0.5), (0.8, 0.5)], speed=(0.9, 0.2), rest=4.0, period=0.02)
+    run = track(locked, PID, path)
+    assert np.ptp(run.position["l"]) == 0.0 and run.moves[0].settling_time["x"] is not None
+    heavy = dataclasses.replace(MODEL, plant=make_plant(winch_mass=1e6))
+    np.testing.assert_allclose(track(heavy, PID, path).position["psi"], run.position["psi"], atol=1e-6)
+    with pytest.raises(InputError, match="the rope is locked; give a reference whose l is the rope's length"):
+        track(locked, PID, smooth_path([(0.2, 0.5), (0.8, 0.6)], speed=(0.9, 0.2), rest=4.0, period=0.02))
 
 
 def moved(run, **changes):
