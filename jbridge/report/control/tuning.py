@@ -71,7 +71,8 @@ def describe_tuning(tuning: Tuning, folder: PathLike | None = None) -> str:
     """How the tuned controller compares, as a table for the terminal."""
     head, rows = _rows(tuning)
     lines = [*warning_lines(tuning_warnings(tuning)), *Table(head, rows).lines()]
-    lines += ["", f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
+    lines += ["", "Medians, the largest in brackets."]
+    lines += [f"{tuning.rollouts:,} simulated moves in {tuning.seconds:.0f} s"]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'tune.html'}"]
         if has_file(tuning.controller.law):
