@@ -92,7 +92,9 @@ def select(
             so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
             tell(f"round {number + 1}: looking beyond {so_far}")
             found = _smaller(problem, base, now, runners_up, seen)
-            if not leaves_nothing(problem, now):
+            # A law that does with fewer numbers is no rival of what may be added to it.
+            fewer = [s for s in found if len(s.point.free) < len(now.point.free) and accepts(problem, now, s)]
+            if not fewer and not leaves_nothing(problem, now):
                 found += _larger(problem, base, now, None if number else given, seen)
         except KeyboardInterrupt:
             stopped = "interrupted"
