@@ -1,6 +1,7 @@
 """Fits find the truth of simulated recordings, from poor starts, and larger models meet them no worse."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -8,10 +9,21 @@ from scipy.optimize import minimize
 
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import engine_for, fit_structure, make_problem, start_of
-from jbridge.identification.setting import make_setting
+from jbridge.identification.setting import make_setting, setting_of
 from jbridge.identification.solver import Start
 from jbridge.model.files import Model
-from tests.identification.cases import DRY, cart_model, cart_recordings, play, scaled, steps, values
+from tests.identification.cases import (
+    DRY,
+    FULL,
+    TIMES,
+    cart_model,
+    cart_recordings,
+    make_recording,
+    play,
+    scaled,
+    steps,
+    values,
+)
 from tests.problems import EVERY_AXIS, NUMBERS, make_plant
 
 TRUTH = make_plant(DRY)
@@ -98,3 +110,35 @@ def test_a_start_from_which_nothing_finite_comes_is_far_off(runs):
     lost = Start(model.vector, model.free, tuple(np.full_like(s, np.nan) for s in model.point.states))
     found, other = problem.solve(model.engine, [lost, start], 3)
     assert np.isfinite(found.value) and found.value > other.value
+
+
+@pytest.mark.parametrize(
+    ("axes", "most", "wanted"),
+    [
+        ("xxxxx", 3, [0, 2, 4]),
+        ("xxxxx", 1, [0]),
+        ("xlxlx", 3, [0, 1, 2]),  # evenly chosen recordings would show no hoist
+        ("xxl", 1, [0, 2]),  # no recording alone shows both
+        ("xxb", 1, [2]),
+        ("xl", 3, [0, 1]),
+    ],
+)
+def test_some_recordings_show_every_axis(axes, most, wanted):
+    kept = {"x": ("u_x", "x"), "l": ("u_l", "l"), "b": ("u_x", "x", "u_l", "l")}
+    each = [
+        make_recording(f"{i}.csv", TIMES, **{name: FULL[name] for name in kept[axis]}) for i, axis in enumerate(axes)
+    ]
+    problem = make_problem(setting_of(TRUTH, each), make_data(each))
+    some = problem.of_some(most)
+    assert sorted({t.recording for t in some.data.tilings}) == wanted
+    # A part of a part is a part.
+    assert {t.recording for t in some.of_some(1).data.tilings} <= set(wanted)
+
+
+def test_no_fit_goes_on_when_its_time_is_over(runs):
+    start = scaled(cart_model(), {"cart_gain": 0.5})
+    problem = make_problem(make_setting(start, runs, []), make_data(runs))
+    late = dataclasses.replace(problem, until=time.monotonic())
+    assert late.is_late and late.of_some(1).is_late and not problem.is_late
+    _, model = fit_structure(late, start.plant, start.known)
+    assert values(model.plant) == values(start.plant)
