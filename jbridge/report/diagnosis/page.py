@@ -12,7 +12,7 @@ from ..figures.gallery import Gallery, diagnosis_signals
 from ..interactive import report_data
 from ..text.html import page, piece
 from ..text.quantities import UNKNOWN, percent, shown
-from ..text.rows import error_rows, error_text, is_changed
+from ..text.rows import error_rows, error_text, is_changed, was_sought
 from ..text.tables import Table, errors_table, parameter_tables
 from ..text.words import CHANNELS, EQUATIONS, capital, effect_meaning, effect_name, heading
 from .next_steps import decided_table, limits_table, unlimited
@@ -66,7 +66,7 @@ def _shared(diagnosis: Diagnosis) -> dict[str, Any]:
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """What the first screen answers."""
     location = diagnosis.location
-    place = site_name(location.site)
+    place = site_name(location.site) if was_sought(diagnosis) else "not looked for"
     if location.equation in EQUATIONS:
         place += f" ({EQUATIONS[location.equation]})"
     named = "; ".join(effect_name(effect.kind, effect.site) for effect in diagnosis.effects)

@@ -133,6 +133,11 @@ def parts(fit: Fit) -> list[Part]:
     return found
 
 
+def was_sought(diagnosis: Diagnosis) -> bool:
+    """Whether the search came as far as to fit another model."""
+    return diagnosis.stopped == "criterion" or bool(diagnosis.trials)
+
+
 def is_changed(diagnosis: Diagnosis) -> bool:
     """Whether the final model is another one than the model as given, refitted."""
     return bool(diagnosis.effects) or diagnosis.holdout_before != diagnosis.holdout_after

@@ -12,7 +12,7 @@ from ..diagnosis.next_steps import limit_text
 from ..diagnosis.places import when_sentences, where_sentences
 from ..files import PathLike
 from .quantities import UNKNOWN, join_unit, percent, shown
-from .rows import error_rows, is_changed, is_met, parameter_rows, parts
+from .rows import error_rows, is_changed, is_met, parameter_rows, parts, was_sought
 from .tables import WIDTH, Table
 from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
@@ -117,6 +117,8 @@ def _in_short(lines: list[str], errors: list[str], describe: str) -> str:
 
 def _place(diagnosis: Diagnosis) -> str:
     location = diagnosis.location
+    if not was_sought(diagnosis):
+        return "not looked for"
     if location.site is None:
         equation = EQUATIONS.get(location.equation)
         return f"no single place in the {equation}" if equation else "none"
