@@ -143,8 +143,9 @@ def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) 
     )
 
 
-def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float]:
-    """What comes near an effect, the nearest first, and the effect's own weight beside it."""
+def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | None]:
+    """What comes near an effect, the nearest first, and the effect's own weight beside it; None where no time is left
+    to fit it in the effect's place."""
     members = round_of(of.search, name)
     if members is None or of.holdout_errors is None:
         return [], 1.0
@@ -153,8 +154,10 @@ def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float]:
     when_found = _chances(np.stack([s.blocks for s in structures]), prices)
     order = sorted(range(1, len(members)), key=lambda i: -when_found[i])
     near = [i for i in order if when_found[i] >= CRITERIA.apart][: CRITERIA.rivals]
-    if not near or time.monotonic() > of.deadline:
+    if not near:
         return [], float(when_found[0])
+    if time.monotonic() > of.deadline:
+        return [], None
     problem = dataclasses.replace(of.search.problem, until=of.deadline)
     fitted = {i: replaced(problem, model, of.base, name, structures[i], members[i][0]) for i in near}
     models = {0: model} | {i: beside for i, beside in fitted.items() if beside is not None}

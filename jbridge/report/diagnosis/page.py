@@ -143,12 +143,12 @@ def _repeatable(diagnosis: Diagnosis) -> str:
 def _named(effect: NamedEffect, diagnosis: Diagnosis) -> dict[str, Any]:
     """What the page says of an effect that was named."""
     name = capital(effect_name(effect.kind, effect.site))
-    known = effect.probability is not None
+    chance = "" if effect.probability is None else f", probability {percent(effect.probability)}"
     return {
         "key": (effect.kind, effect.site),
-        "title": f"{name} - {effect.status}, probability {percent(effect.probability)}" if known else name,
+        "title": f"{name} - {effect.status}{chance}",
         "statement": effect.statement or capital(effect_meaning(effect.kind, effect.site)),
-        "status": _status(effect) if known else "",
+        "status": _status(effect),
         "parameters": parameter_tables(effect.parameters, effect.kind, effect.site, diagnosis.model.known),
         "rivals": _rivals(effect, diagnosis),
     }

@@ -128,7 +128,8 @@ def _place(diagnosis: Diagnosis) -> str:
 
 
 def _effect(effect: NamedEffect, diagnosis: Diagnosis) -> list[str]:
-    chance = "" if effect.probability is None else f", {effect.status}, probability {percent(effect.probability)}"
+    chance = f", {effect.status}"
+    chance += "" if effect.probability is None else f", probability {percent(effect.probability)}"
     chance += "" if effect.in_model else "; model.toml leaves it out"
     lines = _wrapped("Named", effect_name(effect.kind, effect.site) + chance)
     lines += _parameters(effect.parameters, effect.kind, effect.site, diagnosis.model.known, " " * (_INDENT + 2))
