@@ -147,8 +147,10 @@ def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | 
     """What comes near an effect, the nearest first, and the effect's own weight beside it; None where no time is left
     to fit it in the effect's place."""
     members = round_of(of.search, name)
-    if members is None or of.holdout_errors is None:
+    if members is None:
         return [], 1.0
+    if of.holdout_errors is None:
+        return [], None
     structures = [structure for _, structure in members]
     prices = np.array([structure.price for structure in structures])
     when_found = _chances(np.stack([s.blocks for s in structures]), prices)

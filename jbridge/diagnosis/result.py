@@ -122,8 +122,8 @@ class NamedEffect:
     kind: str
     site: str
     probability: float | None
-    """Its weight among itself and its equivalents, as a mean over resamples of the recordings' blocks; None where the
-    budget left no time to compare it with what came near."""
+    """Its weight among itself and its equivalents, as a mean over resamples of the recordings' blocks; None where no
+    time was left to compare it with what came near."""
     parameters: Mapping[str, Estimate]
     equivalents: tuple[Rival, ...]
     statement: str

@@ -69,6 +69,11 @@ class Problem:
     """Time of `time.monotonic` [s] at which fits end wherever they are."""
 
     @property
+    def recordings(self) -> list[int]:
+        """Numbers of the recordings that it has windows of."""
+        return sorted({tiling.recording for tiling in self.data.tilings})
+
+    @property
     def is_late(self) -> bool:
         """Whether the time for fits is over."""
         return time.monotonic() > self.until
@@ -84,7 +89,7 @@ class Problem:
     def of_some(self, most: int) -> "Problem":
         """The same with so many of the recordings' tilings, evenly chosen; of other ones, or of more, where it takes
         these for every axis that moves to do so in one of them."""
-        held = sorted({t.recording for t in self.data.tilings})
+        held = self.recordings
         if len(held) <= most:
             return self
         moving = {r: frozenset(np.flatnonzero(self.data.grids[r].active).tolist()) for r in held}

@@ -88,12 +88,13 @@ def fit(
             plant=fitted.plant,
             uncertainty=as_uncertainty(found),
             recorded=covered_by(recordings),
-            units=setting.units,
+            units={**model.units, **setting.units},
         ),
         estimates=found,
         train=runs[0][1].as_errors(),
         holdout=runs[1][1].as_errors() if holdout else None,
         noise=setting.noise,
+        over_foreseen=runs[-1][1].over_foreseen(),
         warnings=tuple(warnings(named, fitted.vector, fitted.free, cov, named.bounds())),
         notes=tuple(
             dict.fromkeys((*notes, *(f"{r.name}: {note}" for r in (*recordings, *holdout) for note in r.notes)))

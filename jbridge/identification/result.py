@@ -73,6 +73,8 @@ class Fit(Displayed):
     """What was detected in the recordings."""
     traces: tuple[Trace, ...]
     """`before` is the model as given, `after` the fitted one."""
+    over_foreseen: float
+    """Largest error over what noise explains, of all channels and horizons; of the hold-out where there is one."""
     window: float
     """Length of a window [s]."""
     seconds: float

@@ -17,6 +17,7 @@ import numpy as np
 from .._files import replace_text
 from .._toml import Where, as_key, as_value, nearest, read_toml, shown, word
 from ..errors import listed, quoted
+from ..recordings.tables.columns import BASE_UNITS, INPUT_UNITS
 from .bridge import Bridge
 from .effects.base import AbstractEffect, unit_at
 from .effects.catalogue import KINDS, make_effect
@@ -27,7 +28,7 @@ from .plant import Plant
 
 _SECTIONS = ("bridge", "effect", "uncertainty", "recorded")
 _RECORDED, _INPUTS = ("x", "l"), ("u_x", "u_l")
-_UNITS = ("V", "A", "%", "count", "N", "N m")
+_UNITS = tuple(dict.fromkeys(BASE_UNITS.get(unit, unit) for unit in INPUT_UNITS))
 """Of inputs, as recordings have them."""
 _SETTLED = ("winch_mass", "gravity")
 """Numbers of the bridge that are taken as known where a file leaves them out."""
@@ -59,8 +60,13 @@ class Model:
 
     @property
     def has_hoist(self) -> bool:
-        """Whether the file gives a hoist; without one the rope is locked."""
-        return "winch_mass" in self.given and "hoist_gain" in self.given
+        """Whether the file gives a number of the hoist; without any the rope is locked."""
+        return not self.given.isdisjoint(("winch_mass", "hoist_gain"))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """What a controller moves."""
+        return ("x", "psi", "l") if self.has_hoist else ("x", "psi")
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:

@@ -113,7 +113,7 @@ def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
 
 
 def counted_on(times: np.ndarray) -> tuple[np.ndarray, str]:
-    """Returns times that count on where a counter of 16 or 32 bits starts again, and a sentence on it.
+    """Returns times from 0 that count on where a counter of 16 or 32 bits starts again, and a sentence on it.
 
     Args:
         times: of the rows [s].
@@ -123,9 +123,12 @@ def counted_on(times: np.ndarray) -> tuple[np.ndarray, str]:
     usual = float(np.median(steps[steps > 0])) if falls.any() and (steps > 0).any() else math.inf
     for period in COUNTERS:
         missing = steps[falls] + period
-        if period > 100 * usual and np.all((missing > 0) & (missing < 10 * usual)):
-            on = times + period * np.concatenate([[0], np.cumsum(falls)])
-            return on, f"The time starts again after {period:.6g} s, as a counter does; it is counted on."
+        if period > 100 * usual and np.all((missing > 0) & (missing < 3 * usual)):
+            on = times - times[0] + period * np.concatenate([[0], np.cumsum(falls)])
+            return (
+                on,
+                f"The time starts again after {period:.6g} s, as a counter does; it is counted on from the first row.",
+            )
     return times, ""
 
 

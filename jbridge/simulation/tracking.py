@@ -21,6 +21,9 @@ from ..model.steps import substeps
 from ..trajectory import Path
 from .closed_loop import closed_loop, periods_remembered
 
+_DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
+"""Input, what it drives, and the drive's site."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Tracking:
@@ -50,7 +53,6 @@ class Tracking:
         return {"t": self.times, **self.command, **self.measured, **wanted}
 
 
-_DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
 _run = eqx.filter_jit(closed_loop)
 
 
@@ -60,13 +62,13 @@ def moving(model: Model) -> Axes | None:
 
 
 def check_limits(model: Model, controller: Controller) -> None:
-    """Checks that a controller can move what it commands.
+    """Checks that every drive of a model can move what it drives in one direction at least.
 
     Raises:
         InputError: the limit of a drive lies within its dead zone.
     """
     limits = np.asarray(limits_of(controller.law)).tolist()
-    for limit, (name, axis, site) in zip(limits, _DRIVES, strict=True):
+    for limit, (name, axis, site) in list(zip(limits, _DRIVES, strict=True))[: 2 if model.has_hoist else 1]:
         zones = list(model.plant.all(DeadZone, site))
         least = min(sum(float(getattr(zone, side)) for zone in zones) for side in ("positive", "negative"))
         if limit <= least:
@@ -91,7 +93,7 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
         InputError: the model lacks a part of the bridge that the reference moves, a drive's limit lies within its dead
             zone, path and controller have different periods, or the loop runs away.
     """
-    requires(model, ("x", "psi"))
+    requires(model, model.axes)
     if not model.has_hoist and np.ptp(path.l) > 0.0:
         raise InputError(
             f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give a "

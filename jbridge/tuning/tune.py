@@ -111,17 +111,13 @@ def tune(  # noqa: PLR0913
         progress: told what goes on, a short text at a time; by default a bar on a terminal or in a notebook.
 
     Raises:
-        InputError: the model lacks a part of the bridge, or a drive's limit lies within its dead zone.
+        InputError: the model lacks a part of the bridge, a drive's limit lies within its dead zone, or moves change the
+            length of a rope that is locked.
         TypeError: the controller has nothing that can be tuned.
     """
     begun = time.perf_counter()
     tell = progress or silent
-    requires(model, ("x", "psi"))
-    if not model.has_hoist and (region is None or region.rope[0] != region.rope[1]):
-        raise InputError(
-            f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give its "
-            "length as both ends of the rope's region, as in --rope 0.42 0.42"
-        )
+    requires(model, model.axes)
     check_limits(model, controller)
     if min(plants, held_out, steps, starts) < 1 or seed < 0:
         raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
@@ -129,6 +125,12 @@ def tune(  # noqa: PLR0913
         raise InputError(f"plants, held_out, steps and starts must be at most {MOST}")
     if legs is None:
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
+    ropes = {*np.ravel([legs.start[..., 1], legs.goal[..., 1]]).tolist(), *(region or PAPER_REGION).rope}
+    if not model.has_hoist and len(ropes) > 1:
+        raise InputError(
+            f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give its "
+            "length as both ends of the rope's region, as in --rope 0.42 0.42"
+        )
     knobs = knobs_of(controller.law)
     period, prepare = controller.period, prepare or controller.shaping
     plant = late(model.plant) if scatter.late > 0 else model.plant

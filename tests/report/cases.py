@@ -393,6 +393,7 @@ def fitted(holdout=True):
         warnings=("hoist_gain cannot be told from hoist_damping: the hoist hardly moves.",),
         notes=full.notes,
         traces=full.traces,
+        over_foreseen=1.2,
         window=2.0,
         seconds=7.9,
     )

@@ -351,6 +351,8 @@ def test_terminal_shows_the_fitted_numbers(tmp_path):
     assert "cart_gain      16.04 N/V   (95 %: 15.82 to 16.26)" in text
     assert "gravity        9.81 m/s²   (known)" in text
     assert "Hold-out" not in describe_fit(cases.fitted(holdout=False))
+    unmet = describe_fit(dataclasses.replace(cases.fitted(), over_foreseen=2.0))
+    assert "jbridge diagnose" in unmet and "jbridge diagnose" not in text
 
 
 def test_fit_is_saved(tmp_path):

@@ -59,7 +59,7 @@ def added(
 
     # Of two that meet the recordings as well, the one with fewer numbers comes first.
     chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
-    low = problem.shortest().of_recordings(sorted({t.recording for t in part.data.tilings}))
+    low = problem.shortest().of_recordings(part.recordings)
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])
     elsewhere: dict[Name, Start] = {}

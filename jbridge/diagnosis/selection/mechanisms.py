@@ -41,7 +41,7 @@ def with_mechanisms(
         choice: logarithm of the number of alternatives, by effect.
         best: the best model with one effect more so far, if there is one.
     """
-    low = problem.shortest().of_recordings(sorted({t.recording for t in part.data.tilings}))
+    low = problem.shortest().of_recordings(part.recordings)
     by_name: dict[Name, list[Candidate]] = {}
     for candidate in apart:
         by_name.setdefault(candidate.name, []).append(candidate)

@@ -16,14 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._types import AXES
-from ...identification.data.windows import WHOLE
+from ...identification.data.windows import HORIZONS
 from ...identification.evaluation.errors import Evaluation
 from ..criteria import CRITERIA
 from ..structures.space import Name, happens_once
 from ..structures.structure import steadiness
-
-COMPARED = (0.3, 1.0, 3.0, WHOLE)
-"""Horizons on which models are compared, those of the criterion."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,13 +56,12 @@ def check_effect(
         run: the model without it.
     """
     steady = steadiness(loss.sum(axis=1), expected)
-    own, (_, axes) = explained_by_channel(before, complete, run), _shown(before)
-    # It is judged where it changes the error most, of the channels that lose. One that hardly exceeds the noise has
-    # nothing that it might imitate.
-    factors = _factors(complete, run)
+    own, factors = explained_by_channel(before, complete, run), _factors(complete, run)
+    # It is judged where it changes the error most, of the channels that lose. Where hardly more than noise is left,
+    # there is nothing that it might imitate.
     losing = [axis for axis, lost in zip(AXES, loss.sum(axis=0), strict=True) if lost > 0.0 and axis in factors]
     most = max(losing, key=lambda axis: factors[axis], default=None)
-    nameless = most in axes and factors[most] <= 2.0
+    nameless = most is not None and factors[most] <= 2.0 and _left(complete, most) > CRITERIA.met
     explained = float(np.mean(list(own.values()))) if own else None
     if steady > CRITERIA.confirmed and not nameless:
         return Checked(name, "confirmed", explained, steady)
@@ -73,11 +69,17 @@ def check_effect(
     return Checked(name, "event" if once else "suggested", explained, steady)
 
 
+def _left(complete: Evaluation, axis: str) -> float:
+    """The largest typical error of a channel over its noise, of the horizons on which models are compared."""
+    each = [complete.typical_excess(horizon).get(axis, 0.0) for horizon in complete.horizons if horizon in HORIZONS]
+    return math.sqrt(1.0 + max(each, default=0.0))
+
+
 def _factors(complete: Evaluation, run: Evaluation) -> dict[str, float]:
     """Square of the typical error without an effect over the one with it, as the geometric mean over the horizons on
     which models are compared, by channel."""
     logarithms: dict[str, list[float]] = {}
-    for horizon in (h for h in complete.horizons if h in COMPARED):
+    for horizon in (h for h in complete.horizons if h in HORIZONS):
         left, without = (each.typical_excess(horizon) for each in (complete, run))
         for axis, square in left.items():
             logarithms.setdefault(axis, []).append(math.log((1.0 + without[axis]) / (1.0 + square)))

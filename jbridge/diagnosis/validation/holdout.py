@@ -29,10 +29,10 @@ def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], t
     if len(recordings) > 1:
         count = max(1, len(recordings) // 4)
         learned, proof = list(recordings), list[Recording]()
-        for each in reversed(recordings):
-            rest = [r for r in learned if r is not each]
-            if len(proof) < count and _parts(each) <= frozenset[str]().union(*map(_parts, rest)):
-                learned, proof = rest, [each, *proof]
+        for i in reversed(range(len(recordings))):
+            rest = [*learned[:i], *learned[i + 1 :]]
+            if len(proof) < count and _parts(learned[i]) <= frozenset[str]().union(*map(_parts, rest)):
+                learned, proof = rest, [learned[i], *proof]
         if not proof:
             learned, proof = list(recordings[:-count]), list(recordings[-count:])
         names = ", ".join(r.name for r in proof)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...identification.data.windows import WHOLE, make_data
+from ...identification.data.windows import HORIZONS, WHOLE, make_data
 from ...identification.estimation import Problem, make_problem
 from ...identification.evaluation.errors import Evaluation
 from ...identification.evaluation.judge import Judge, make_judge
@@ -24,7 +24,7 @@ from ...recordings import Recording
 from ..criteria import CRITERIA
 from ..structures.space import Name
 from ..structures.structure import Structure, prediction_gap
-from .confirmation import COMPARED, Checked, check_effect, explained_by_channel, one_second
+from .confirmation import Checked, check_effect, explained_by_channel, one_second
 from .holdout import HoldOut
 from .own_numbers import Apart, own_numbers
 from .refits import Fixed, of_its_own, refitted
@@ -224,7 +224,7 @@ def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:
     if "psi" in setting.axes:
         period = 2.0 * math.pi * math.sqrt(setting.length / 9.81)
     out = np.full(len(run.windows.recording), -1)
-    compared = np.isin(run.windows.horizon, COMPARED)
+    compared = np.isin(run.windows.horizon, HORIZONS)
     if len(run.data.grids) >= 6:
         return np.where(compared, run.windows.recording, -1)
     first = 0
@@ -260,7 +260,7 @@ def _apart(
         return ()
     tell("comparing the recordings")
     setting = problem.setting
-    every = make_data([*problem.data.recordings, *holdout], COMPARED, setting.noise, problem.data.samples)
+    every = make_data([*problem.data.recordings, *holdout], HORIZONS, setting.noise, problem.data.samples)
     return tuple(own_numbers(make_problem(setting, every), model))
 
 

@@ -26,7 +26,8 @@ def thinned(recording: Recording) -> Recording:
     if factor < 2:
         return recording
     width, end = factor * period, recording.start + recording.duration + period
-    rows = _firsts(np.floor((times - times[0]) / width + 1e-6))
+    # Cells begin between rows, so that none falls into another one for a stamp that is a little early.
+    rows = _firsts(np.floor((times - times[0]) / width + 0.5 / factor))
     if end - times[rows[-1]] < width - 0.5 * period:
         rows, end = rows[:-1], times[rows[-1]]
     if any(fresh[rows].mean() < _FRESH for fresh in recording.fresh.values()):
@@ -38,7 +39,7 @@ def thinned(recording: Recording) -> Recording:
     earlier = recording.earlier
     if earlier is not None:
         # Counted back from the first row, so that the last of these times reaches to it.
-        before = _firsts(-np.ceil((times[0] - earlier.times) / width - 1e-6))
+        before = _firsts(-np.ceil((times[0] - earlier.times) / width - 0.5 / factor))
         earlier = Commands(earlier.times[before], *_means(earlier, before, recording.start))
     u_x, u_l = _means(Commands(times, recording.u_x, recording.u_l), rows, end)
     return dataclasses.replace(

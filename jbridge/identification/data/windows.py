@@ -145,7 +145,7 @@ def make_data(
 
 
 def make_windows(recordings: Sequence[Recording], horizon: float) -> Data:
-    """The same with windows of one length [s] in every recording.
+    """Recordings with windows of one length [s] in each.
 
     Raises:
         InputError: a recording is too short for them, or has too few samples in each.
@@ -154,10 +154,14 @@ def make_windows(recordings: Sequence[Recording], horizon: float) -> Data:
     cut = {tiling.recording for tiling in data.tilings}
     for r, (recording, g) in enumerate(zip(recordings, data.grids, strict=True)):
         if r not in cut:
-            least, most = _FEWEST * float(np.median(np.diff(g.times[g.measured.any(axis=1)]))), _MOST * g.times[-1]
+            most = _MOST * float(g.times[-1])
+            long, bound = horizon > most, f"at most {most:.2g} s"
+            if not long:
+                bound = f"at least {_FEWEST * float(np.median(np.diff(g.times[g.measured.any(axis=1)]))):.2g} s"
             raise InputError(
-                f"{recording.name}: windows of {horizon:g} s do not suit a recording of {recording.duration:.3g} s; "
-                f"give between {least:.2g} and {most:.2g} s, or leave it out"
+                f"{recording.name}: windows of {horizon:g} s are too {'long' if long else 'short'} for a recording of "
+                f"{recording.duration:.3g} s with a sample every {recording.period:.2g} s ({bound}); leave it out, or "
+                f"record {'longer' if long else 'more often'}"
             )
     return data
 

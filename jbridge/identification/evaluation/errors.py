@@ -61,6 +61,12 @@ class Evaluation:
                 out[axis] = float(np.sqrt(np.sum(squares * count) / np.sum(count)))
         return out
 
+    def over_foreseen(self) -> float:
+        """The largest error over what is foreseen, of all channels and horizons."""
+        foreseen = {horizon: self.foreseen(horizon) for horizon in self.horizons}
+        each = [e / own[axis] for horizon, own in foreseen.items() for axis, e in self.errors(horizon).items()]
+        return max(each, default=0.0)
+
     def foreseen(self, horizon: float) -> dict[str, float]:
         """Root mean square error that the true model stays below in 19 of 20 such recordings, by channel [m, rad, m]:
         the noise, and what is not determined of initial states."""

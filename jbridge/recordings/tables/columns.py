@@ -122,7 +122,7 @@ class Column:
             return raw
         with np.errstate(over="ignore"):  # what overflows is found, and refused, as infinite
             # 410 ms are 0.41 s to the last bit.
-            whole = round(1.0 / size) if 0.0 < size < 1.0 else 1
+            whole = round(1.0 / size) if 1e-9 < size < 1.0 else 1
             if whole * size == 1.0:
                 return self.sign * ((raw - self.offset) / whole)
             return self.sign * size * (raw - self.offset)

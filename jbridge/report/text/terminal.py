@@ -117,7 +117,7 @@ def _in_short(lines: list[str], errors: list[str], describe: str) -> str:
 
 def _place(diagnosis: Diagnosis) -> str:
     location = diagnosis.location
-    if not was_sought(diagnosis):
+    if diagnosis.adequacy.alarm and not was_sought(diagnosis):
         return "not looked for"
     if location.site is None:
         equation = EQUATIONS.get(location.equation)
