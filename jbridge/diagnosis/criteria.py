@@ -15,6 +15,9 @@ class Criteria:
     of a recording's that one asks of a number of its own."""
     confirmed: float = 2.0
     """Standard errors over blocks by which the hold-out must be worse without an effect for it to be confirmed."""
+    imitated: float = 2.0
+    """Factor on the square of the typical error, without an effect, up to which it may imitate what has no name; half
+    of it would confirm whatever the hold-out repeats."""
     sure: float = 1.0
     """Standard errors by which a larger model must gain on blocks that are left out: within one of them the smaller
     model stays. Half of it adds effects that imitate what has no name, twice of it misses such as act in few blocks."""

@@ -4,9 +4,9 @@ A model is a set of effects beside what was given. In each round every effect th
 screen (the criterion on the quadratic model of every window), the best are refitted together on some windows, the best
 of these are fitted to all windows, and the best move is made: an effect is added or replaced by a rival, or a known
 number is set free; but first what does with fewer numbers takes the place of the model, without an effect or with a
-simpler law. A move to more numbers takes the place of one to fewer only if it gains
-steadily. Every fit climbs from short windows, which are nearly linear, to long ones. The search ends when no move
-lowers the criterion, or when every channel is met.
+simpler law. A move to more numbers takes the place of one to fewer only if it gains steadily. Every fit climbs from
+short windows, which are nearly linear, to long ones. The search ends when no move lowers the criterion, or when every
+channel is met.
 """
 
 import dataclasses

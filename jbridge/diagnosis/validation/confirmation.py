@@ -61,7 +61,7 @@ def check_effect(
     # there is nothing that it might imitate.
     losing = [axis for axis, lost in zip(AXES, loss.sum(axis=0), strict=True) if lost > 0.0 and axis in factors]
     most = max(losing, key=lambda axis: factors[axis], default=None)
-    nameless = most is not None and factors[most] <= 2.0 and _left(complete, most) > CRITERIA.met
+    nameless = most is not None and factors[most] <= CRITERIA.imitated and _left(complete, most) > CRITERIA.met
     explained = float(np.mean(list(own.values()))) if own else None
     if steady > CRITERIA.confirmed and not nameless:
         return Checked(name, "confirmed", explained, steady)
