@@ -148,13 +148,13 @@ def played(contender: Contender, setting: Setting, data: Data) -> Runs:
     jobs = [Job(vector, t.recording, t.begins, t.states, free) for t in data.tilings]
     found: dict[int, Sensitivity] = {}
     engine.sensitivities(jobs, lambda i, got: found.update({i: got}))
-    runs = Runs([], [], [], [], contender.normal)
+    runs, predicted = Runs([], [], [], [], contender.normal), engine.predict(jobs)
     for i, own in enumerate(data.tilings):
         stop = int(own.stops[-1])
         seen = data.measured[own.recording, :stop]
         noise = np.where(np.isnan(data.noise[own.recording]), 1.0, data.noise[own.recording])
         scale = seen / noise
-        runs.predicted.append(found[i].predicted[:stop])
+        runs.predicted.append(predicted[i][:stop])
         runs.tangents.append((found[i].tangents[:, :stop] * scale).reshape(len(free) + STATES, -1))
         runs.scale.append(scale)
         runs.prior.append(own.precision[0])

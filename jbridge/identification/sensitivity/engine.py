@@ -31,7 +31,7 @@ _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
 _LANES = 8
 """Most simulations of a call. They share the cost of a step; more gain nothing."""
-_TANGENT_LANES = 4
+_TANGENT_LANES = 8
 """The same where tangents are wanted, of which each simulation has a dozen or two."""
 _DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
 """Changes by which derivatives are taken as differences, over a number and at least."""
@@ -64,13 +64,11 @@ class Job(NamedTuple):
 
 
 class Sensitivity(NamedTuple):
-    """What a job gives, on the recording's grid."""
+    """Derivatives of a job's readings, on the recording's grid."""
 
-    predicted: NDArray[np.float64]
-    """Readings, `(sample, 3)`."""
     columns: tuple[NDArray[np.float64], ...]
-    """Their derivatives by the free parameters and by the six numbers of a beginning, each `(3, sample)`; 0 where a
-    simulation runs away."""
+    """By the free parameters and by the six numbers of a beginning, each `(3, sample)`; 0 where a simulation runs
+    away."""
 
     @property
     def tangents(self) -> NDArray[np.float64]:
@@ -139,7 +137,7 @@ class Engine:
         return out
 
     def sensitivities(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
-        """Predictions and tangents of every job, each handed to `take` with the job's number when it is there.
+        """Tangents of every job, each handed to `take` with the job's number when it is there.
 
         They are handed over one by one because those of all jobs together would not fit into memory.
         """
@@ -155,21 +153,14 @@ class Engine:
             self._width = max(self._width, math.ceil(most / max(math.ceil(most / _WIDEST), 1)), 1)
         abreast = max(1, _HELD // ((most + STATES) * 3 * self.samples))
         for first in range(0, len(jobs), abreast):
-            some = jobs[first : first + abreast]
-            readings = self.predict(some)
 
-            def complete(
-                k: int,
-                columns: tuple[NDArray[np.float64], ...],
-                first: int = first,
-                readings: Sequence[NDArray[np.float64]] = readings,
-            ) -> None:
-                take(first + k, Sensitivity(readings[k], columns))
+            def complete(k: int, found: Sensitivity, first: int = first) -> None:
+                take(first + k, found)
 
-            self._tangents(some, complete)
+            self._tangents(jobs[first : first + abreast], complete)
 
-    def _tangents(self, jobs: Sequence[Job], take: Callable[[int, tuple[NDArray[np.float64], ...]], None]) -> None:
-        """Columns of jobs that are in memory at the same time."""
+    def _tangents(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
+        """Those of jobs that are in memory at the same time."""
         parts, width = [], self._width
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), width)
@@ -190,13 +181,13 @@ class Engine:
                 columns[i][len(free) + int(place)] = own[:, width + column]
             missing[i] -= max(len(places), 1)
             if missing[i] == 0:
-                take(i, tuple(columns[i]))
+                take(i, Sensitivity(tuple(columns[i])))
                 columns[i] = []
 
         self._run(jobs, parts, width, lanes, keep)
 
     def _differences(self, jobs: Sequence[Job]) -> list[Sensitivity]:
-        """Predictions of jobs, and what they change by with each number."""
+        """What predictions of jobs change by with each number."""
         every: list[Job] = []
         sizes: list[list[float]] = []
         for job in jobs:
@@ -221,7 +212,7 @@ class Engine:
                 change = (next(predicted) - here).T / size
                 # A simulation that runs away has no derivative to go by.
                 columns[place] = np.where(np.abs(change) < LOST, change, 0.0)
-            out.append(Sensitivity(here, tuple(columns)))
+            out.append(Sensitivity(tuple(columns)))
         return out
 
     def _present(self, parts: Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> NDArray[np.bool_] | None:

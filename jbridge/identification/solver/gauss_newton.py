@@ -4,6 +4,7 @@ Each start has parameters and, for every window, an initial state. The criterion
 (iteratively reweighted least squares); initial states are eliminated window by window (variable projection), so that
 the damped and bounded step is one in the parameters alone. After a step each window keeps the initial state that meets
 it better, the moved one or the former, so that a window whose initial state lies in another basin holds up no other.
+Tangents cost most of a step, so they serve for the next ones as long as these gain what they promise.
 """
 
 import dataclasses
@@ -20,9 +21,10 @@ from ..data.windows import Data
 from ..likelihood import Index, Likelihood
 from ..prior import Prior
 from ..sensitivity.engine import Engine
+from ..sensitivity.windowed_rollout import STATES
 from .bounds import bounded_step
 from .prediction_errors import Point, Start, evaluate
-from .variable_projection import Normal, moved_states, normal_equations
+from .variable_projection import Held, Normal, moved_states, normal_equations
 
 _START_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _STIFFEST = 1e3
@@ -32,6 +34,12 @@ _OF_STATES = 10.0
 among initial states, in one model as in another."""
 _SHORTER = 0.25
 """What a window's step is multiplied with after one that it refused."""
+_SERVES = 0.5
+"""Share of what a step promises that it must gain for the next one to go along the same tangents."""
+_ALONG = 0.25
+"""What such a step costs, and counts, of one whose tangents are computed."""
+_KEPT = 2**25
+"""Tangents that are kept for it, in numbers; where there are more, each step computes its own."""
 
 
 class Limits(NamedTuple):
@@ -64,21 +72,27 @@ def solve(
         starts: where to begin.
         limits: when it ends.
     """
-    points = _from_other_states(engine, data, windows, likelihood, evaluate(engine, data, likelihood, starts))
+    points = _from_other_states(
+        engine, data, windows, likelihood, evaluate(engine, data, likelihood, starts, keep=True)
+    )
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
-    active = np.ones(len(starts), bool)
-    for _ in range(limits.iterations):
+    left = np.full(len(starts), float(limits.iterations))
+    active = left > 0
+    held: list[Held] = [{} for _ in starts]
+    size = sum(len(start.free) + STATES for start in starts) * 3 * data.samples * len(data.tilings)
+    while active.any() and time.monotonic() < limits.until:
         chosen = [int(i) for i in np.flatnonzero(active)]
-        if not chosen or time.monotonic() > limits.until:
-            break
-        normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen])
+        is_old = {i: bool(held[i]) for i in chosen}
+        own = [held[i] for i in chosen] if size <= _KEPT else []
+        normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen], own)
         waiting = dict(zip(chosen, normals, strict=True))
         for i, normal in waiting.items():
             weight = likelihood.weights(points[i].square)
             promise = _promise(engine.table, normal, weight, likelihood.prior, points[i])
             points[i] = dataclasses.replace(points[i], promise=promise)
+            left[i] -= _ALONG if is_old[i] else 1.0
         while waiting:
             trials = []
             for i, normal in waiting.items():
@@ -87,28 +101,31 @@ def solve(
                 vector, step = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
-            found = evaluate(engine, data, likelihood, trials)
+            found = evaluate(engine, data, likelihood, trials, keep=True)
             found, refused = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
             for (i, normal), new, no in zip(waiting.items(), found, refused, strict=True):
                 pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
-                gain = points[i].value - new.value
+                gain, promise = points[i].value - new.value, points[i].promise
+                least = limits.tolerance * max(1.0, 1e-3 * abs(new.value))
+                arrived = len(new.free) > 0 and promise < least
+                on = gain > (_OF_STATES if arrived else 1.0) * least
                 if gain > 0:
-                    points[i] = dataclasses.replace(new, promise=points[i].promise)
+                    points[i] = dataclasses.replace(new, promise=promise)
                     damping[i] = max(0.1 * damping[i], 1e-9)
-                    least = limits.tolerance * max(1.0, 1e-3 * abs(new.value))
-                    arrived = len(new.free) > 0 and points[i].promise < least
-                    active[i] = gain > (_OF_STATES if arrived else 1.0) * least
-                elif damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free):
-                    active[i] = False
-                else:
+                elif not is_old[i]:
+                    stiff = damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free)
                     damping[i] *= 30.0
                     # What gains nothing after a few shorter steps has arrived.
-                    active[i] = damping[i] < 1e2
-                    if active[i]:
+                    if not stiff and damping[i] < 1e2:
                         after[i] = normal
+                        continue
+                if not (on and gain > _SERVES * promise):
+                    held[i].clear()
+                # Only new tangents tell whether it has arrived.
+                active[i] = left[i] > 0 and (on or is_old[i])
             waiting = after
-    return points
+    return [dataclasses.replace(point, left=()) for point in points]
 
 
 def _stepped(
@@ -178,6 +195,7 @@ def _kept_where_better(
         data,
         likelihood,
         [Start(after[i].vector, after[i].free, before[i].states) for i in worse],
+        keep=True,
     )
     out = list(after)
     for i, former in zip(worse, again, strict=True):
@@ -196,7 +214,7 @@ def _from_other_states(
     """
     first = tuple(t.states for t in data.tilings)
     others = [Start(p.vector, p.free, states) for p in points for states in (first, _states_of_shorter(data, p.states))]
-    found = evaluate(engine, data, likelihood, others)
+    found = evaluate(engine, data, likelihood, others, keep=True)
     out = []
     for point, *other in zip(points, found[::2], found[1::2], strict=True):
         for each in other:
@@ -233,6 +251,12 @@ def _better_by_window(
         for k, (own, theirs) in enumerate(zip(point.states, other.states, strict=True))
     )
     square = np.where(better[:, None], other.square, point.square)
-    return dataclasses.replace(
-        point, states=states, square=square, value=likelihood.value(square) + point.prior
-    ), better
+    left = []
+    for k, (own, theirs) in enumerate(zip(point.left, other.left, strict=True)):
+        mine = own.copy()
+        for w in np.flatnonzero(better & (windows.tiling == k)):
+            samples = slice(windows.begin[w], windows.stop[w])
+            mine[samples] = theirs[samples]
+        left.append(mine)
+    value = likelihood.value(square) + point.prior
+    return dataclasses.replace(point, states=states, square=square, value=value, left=tuple(left)), better

@@ -39,23 +39,27 @@ class Point:
     promise: float = math.inf
     """What the step of the parameters that led here should have gained [nat], beyond what initial states gain alone:
     next to nothing where they have arrived."""
+    left: tuple[NDArray[np.float64], ...] = ()
+    """Residuals over the noise, by tiling `(sample, 3)`, where a fit goes on from here; else none, to spare memory."""
 
     @property
     def start(self) -> Start:
         return Start(self.vector, self.free, self.states)
 
 
-def evaluate(engine: Engine, data: Data, likelihood: Likelihood, starts: Sequence[Start]) -> list[Point]:
-    """Simulates every start once."""
+def evaluate(
+    engine: Engine, data: Data, likelihood: Likelihood, starts: Sequence[Start], *, keep: bool = False
+) -> list[Point]:
+    """Simulates every start once; with `keep` the points hold what is left."""
     jobs = [Job(s.vector, t.recording, t.begins, s.states[k]) for s in starts for k, t in enumerate(data.tilings)]
     predicted = engine.predict(jobs)
     out, count = [], len(data.tilings)
     for i, start in enumerate(starts):
-        square = np.concatenate(
-            [squares(data, k, predicted[i * count + k]) for k in range(count)] or [np.zeros((0, 3))]
-        )
+        left = tuple(residual(data, k, predicted[i * count + k]) for k in range(count))
+        square = np.concatenate([mean_squares(data, k, own) for k, own in enumerate(left)] or [np.zeros((0, 3))])
         prior = likelihood.prior.cost(engine.table, start.vector)
-        out.append(Point(start.vector, start.free, start.states, square, prior, likelihood.value(square) + prior))
+        value = likelihood.value(square) + prior
+        out.append(Point(start.vector, start.free, start.states, square, prior, value, left=left if keep else ()))
     return out
 
 

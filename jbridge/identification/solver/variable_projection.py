@@ -10,7 +10,7 @@ from ..data.windows import Data
 from ..likelihood import Index, Likelihood
 from ..sensitivity.engine import Engine, Job, Sensitivity
 from ..sensitivity.windowed_rollout import STATES
-from .prediction_errors import Point, residual
+from .prediction_errors import Point, residuals
 
 _REACH = 3.0
 """How far an initial value may move from its first guess, in standard deviations of the guess."""
@@ -18,6 +18,10 @@ _FAINT = 1e-12
 """Guard of divisions."""
 _ABREAST = 64
 """Windows whose products are in memory at a time before initial states are eliminated: ten minutes have thousands."""
+
+
+Held = dict[int, NDArray[np.float32]]
+"""Tangents of a point, by number of the tiling: `(column, 3, sample)`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,9 +37,24 @@ class Normal:
 
 
 def normal_equations(
-    engine: Engine, data: Data, windows: Index, likelihood: Likelihood, points: Sequence[Point]
+    engine: Engine,
+    data: Data,
+    windows: Index,
+    likelihood: Likelihood,
+    points: Sequence[Point],
+    held: Sequence[Held] = (),
 ) -> list[Normal]:
-    """Products of tangents and residuals of every point, with the initial states eliminated window by window."""
+    """Products of tangents and residuals of every point, with the initial states eliminated window by window.
+
+    Args:
+        engine: of the plant.
+        data: recordings and tilings.
+        windows: of the tilings.
+        likelihood: the criterion.
+        points: where.
+        held: tangents of each point by tiling, which may be those of a place nearby; what it lacks is computed, and put
+            there.
+    """
     count = len(data.tilings)
     jobs = [
         Job(p.vector, t.recording, t.begins, p.states[k], p.free) for p in points for k, t in enumerate(data.tilings)
@@ -50,6 +69,8 @@ def normal_equations(
     ]
     weights = [likelihood.weights(p.square) for p in points]
 
+    left = [p.left or residuals(engine, data, p) for p in points]
+
     def take(number: int, found: Sensitivity) -> None:
         i, k = divmod(number, count)
         tiling, normal, point = data.tilings[k], out[i], points[i]
@@ -61,7 +82,9 @@ def normal_equations(
         table = np.empty((3, n + 1 + STATES, data.samples))
         for row, column in enumerate(found.columns):
             np.multiply(column, scale, out=table[:, row if row < n else row + 1])
-        table[:, n] = residual(data, k, found.predicted).T
+        if held:
+            held[i].setdefault(k, np.stack(found.columns).astype(np.float32))
+        table[:, n] = left[i][k].T
         away = point.states[k] - tiling.states
         for start in range(0, tiling.windows, _ABREAST):
             some = slice(start, min(start + _ABREAST, tiling.windows))
@@ -75,7 +98,12 @@ def normal_equations(
             follow[:, n + 1 :, :n], follow[:, n + 1 :, n] = back, shift
             normal.products[own] = np.swapaxes(follow, 1, 2)[:, None] @ products @ follow[:, None]
 
-    engine.sensitivities(jobs, take)
+    new = [number for number in range(len(jobs)) if not held or number % count not in held[number // count]]
+    old = sorted({*range(len(jobs))} - {*new})
+    for number in old:
+        i, k = divmod(number, count)
+        take(number, Sensitivity(tuple(held[i][k])))
+    engine.sensitivities([jobs[number] for number in new], lambda place, found: take(new[place], found))
     return out
 
 
