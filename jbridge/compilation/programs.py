@@ -103,6 +103,19 @@ def _resident() -> float:
     return 0.0
 
 
+_seconds = 0.0
+
+
+def seconds() -> float:
+    """How long this process has been making programs so far, each with its first run [s]."""
+    return _seconds
+
+
+def _spent(some: float) -> None:
+    global _seconds
+    _seconds += some
+
+
 T = TypeVar("T", bound=type)
 
 
@@ -163,7 +176,12 @@ class Program:
             with self._locks.setdefault(key, threading.Lock()):
                 call = self._loaded.get(key)
                 if call is None:
-                    call = self._loaded[key] = self._load(folder, constants, treedef, kinds, leaves)
+                    begun = time.monotonic()
+                    call = self._load(folder, constants, treedef, kinds, leaves)
+                    out = call(*leaves)
+                    self._loaded[key] = call
+                    _spent(time.monotonic() - begun)
+                    return out
         return call(*leaves)
 
     def _load(self, folder: Path, constants: tuple, treedef: Any, kinds: tuple, leaves: list) -> Callable:

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._progress import Step, silent, with_progress
 from .._types import AXIS_OF_EQUATION
+from ..compilation import programs
 from ..compilation.threads import one_thread_each
 from ..identification.data.windows import WHOLE, make_data
 from ..identification.estimation import fit_structure, make_problem
@@ -22,6 +23,7 @@ from ..identification.traces import traces
 from ..identification.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..model.names import QUANTITIES
+from ..model.plant import Plant
 from ..recordings import Recording, covered_by
 from .comparison_with_former import continued
 from .criteria import CRITERIA
@@ -36,7 +38,7 @@ from .structures.candidates import WRONG_VALUE
 from .structures.space import make_space
 from .structures.structure import base_structure
 from .validation.holdout import HoldOut, split_off
-from .validation.refits import of_its_own
+from .validation.refits import of_its_own, owner_of
 from .validation.validate import Validation, unopened, validate, whole_errors
 from .words import Remains, amount, apart_sentence, verdict_sentence
 
@@ -97,10 +99,11 @@ def diagnose(
     tell("fitting the model as given")
     problem = make_problem(setting, make_data(setting.recordings))
     problem = dataclasses.replace(problem, until=begun + (1.0 - _MOST_KEPT) * budget)
-    fitting = time.monotonic()
+    fitting = time.monotonic() - programs.seconds()
     given = resolve(model.plant, setting.length)
     problem, fitted = fit_structure(problem, given, model.known)
-    once = time.monotonic() - fitting
+    # Without the time that programs take to be made, which are there for the fits that follow.
+    once = time.monotonic() - programs.seconds() - fitting
 
     def until(effects: int) -> float:
         kept = min(max((_BESIDE + effects) * once / budget, _KEPT), _MOST_KEPT)
@@ -148,7 +151,13 @@ def _told(
     with ThreadPoolExecutor(AT_ONCE) as pool:
         # Explanations that are not told apart have programs of their own.
         named = [
-            pool.submit(named_effect, naming, c, final if inside else searched, in_model=inside)
+            pool.submit(
+                named_effect,
+                naming,
+                c,
+                final if inside else searched,
+                in_model=inside and c.name not in checked.happened,
+            )
             for c in checked.checked
             for inside in [c.name in final.names]
         ]
@@ -204,6 +213,8 @@ def _told(
         for each in checked.apart
         for own in [each.numbers]
     ]
+    lasting = [e for e in final.plant.effects if (e.kind, e.site) not in checked.happened]
+    values = {name: e for name, e in values.items() if owner_of(name) not in checked.happened}
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})
     return Diagnosis(
@@ -225,7 +236,7 @@ def _told(
         before=dataclasses.replace(model, plant=base.plant, units={**model.units, **setting.units}),
         model=dataclasses.replace(
             model,
-            plant=final.plant,
+            plant=Plant(final.plant.bridge, tuple(lasting)),
             known=known,
             uncertainty=as_uncertainty(values),
             recorded=covered_by(setting.recordings),

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ..identification.estimation import Problem
 from ..identification.result import Estimate
+from ..identification.setting import Setting
 from ..identification.uncertainty import covariance, estimates, warnings
+from ..model.effects.base import MOMENTS
 from ..model.parameters import ParameterTable
 from .criteria import CRITERIA
 from .experiment_design.discrimination import Contender
@@ -127,9 +129,9 @@ def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) 
         in_model: whether that is the final one.
     """
     kind, site = checked.name
-    parameters = parameters_of(kind, site, of.values)
+    recording, parameters = _in_its_run(of.search.problem.setting, parameters_of(kind, site, of.values))
     rivals, own = _rivals(of, checked.name, model)
-    statement = effect_sentence(kind, site, parameters, rivals)
+    statement = effect_sentence(kind, site, parameters, rivals, recording)
     return NamedEffect(
         kind=kind,
         site=site,
@@ -140,7 +142,23 @@ def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) 
         status=checked.status,
         explained=checked.explained,
         in_model=in_model,
+        recording=recording,
     )
+
+
+def _in_its_run(setting: Setting, parameters: Mapping[str, Estimate]) -> tuple[str | None, dict[str, Estimate]]:
+    """The one recording in which an effect happens, if it is one, and its parameters, with moments that count from the
+    beginning of a run."""
+    found, out = None, dict(parameters)
+    for key, told in parameters.items():
+        if key not in MOMENTS or isinstance(told.value, list):
+            continue
+        found, moment = setting.when(told.value)
+        low, high = (
+            edge if not isinstance(edge, float) else edge - told.value + moment for edge in (told.low, told.high)
+        )
+        out[key] = dataclasses.replace(told, value=moment, low=low, high=high)
+    return found, out
 
 
 def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | None]:
@@ -174,7 +192,14 @@ def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | 
         if i > 0 and chances[i] >= CRITERIA.apart:
             other = members[i][0]
             values, _ = estimated(problem, models[i])
-            rivals.append(Rival(*other, chances[i], parameters_of(*other, values), of.holdout_errors(models[i])))
+            rivals.append(
+                Rival(
+                    *other,
+                    chances[i],
+                    _in_its_run(problem.setting, parameters_of(*other, values))[1],
+                    of.holdout_errors(models[i]),
+                )
+            )
     return rivals, chances[0]
 
 

@@ -134,6 +134,8 @@ class NamedEffect:
     """Share of the hold-out's excess squared error in windows of 1 s that comes back without it."""
     in_model: bool = True
     """Whether the final model has it: not an event, nor what the hold-out speaks against."""
+    recording: str | None = None
+    """The one recording in which it happens; None for what acts in all. Its moments count from that run's beginning."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -62,8 +62,11 @@ def limit_sentence(key: str, limit: float | None, unit: str, change: float | Non
     return f"At most {amount(limit, unit)}{' off' if key in ('scale', 'value') else ''}. That {matters}: {off}."
 
 
-def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival]) -> str:
-    """One sentence for a named effect, and one for what cannot be told from it."""
+def effect_sentence(
+    kind: str, site: str, parameters: Mapping[str, Estimate], rivals: Sequence[Rival], recording: str | None = None
+) -> str:
+    """One sentence for a named effect, with the one recording in which it happens, and one for what cannot be told from
+    it."""
     if kind == WRONG_VALUE:
         text = (
             f"The value given for the {spaced(site)} is wrong: the recordings ask for {quantity(parameters['value'])}."
@@ -72,7 +75,8 @@ def effect_sentence(kind: str, site: str, parameters: Mapping[str, Estimate], ri
         what = CATALOGUE[kind].sentence.format(axis=site_name(site))
         numbers = [f"{spaced(key)} {quantity(e)}" for key, e in parameters.items() if quantity(e)]
         detail = f" ({', '.join(numbers)})" if numbers else ""
-        text = f"{what[0].upper()}{what[1:]}{detail}."
+        where = "" if recording is None else f", in {recording} alone"
+        text = f"{what[0].upper()}{what[1:]}{detail}{where}."
     if rivals:
         others = " or ".join(explanation_name(r.kind, r.site) for r in rivals)
         text += f" These recordings cannot tell it from {others}."
@@ -161,9 +165,10 @@ def verdict_sentence(
         named = listed([e for e in effects])
         return f"The search was interrupted{f' after it had found {named}' if named else ''}; the hold-out is unseen."
     if verdict == "adequate":
+        once = "".join(f", but for {listed([e])} in {e.recording}" for e in effects if e.recording is not None)
         return (
-            "The model explains the recordings: what remains is noise or the rig's own measured scatter, at most "
-            f"{times} times it ({channel}, {where})."
+            f"The model explains the recordings{once}: what remains is noise or the rig's own measured scatter, at "
+            f"most {times} times it ({channel}, {where})."
         )
     sure = [e for e in effects if e.status == "confirmed"]
     explain = "explains" if len(sure) == 1 else "explain"

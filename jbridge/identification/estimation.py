@@ -21,7 +21,7 @@ from .likelihood import Index, Likelihood, index, likelihood
 from .prior import Prior
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Stepping, Steps
-from .setting import FINER, Setting, free_places, overrides
+from .setting import FINER, Setting, begins, free_places, overrides
 from .solver import Limits, Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -86,9 +86,14 @@ class Problem:
         """The same with the windows of the two shortest horizons only: those in which a fit is nearly linear."""
         return self.of_horizons(self.data.horizons[:2])
 
-    def of_some(self, most: int) -> "Problem":
+    def of_some(self, most: int, point: Point | None = None) -> "Problem":
         """The same with so many of the recordings' tilings, evenly chosen; of other ones, or of more, where it takes
-        these for every axis that moves to do so in one of them."""
+        these for every axis that moves to do so in one of them.
+
+        Args:
+            most: recordings.
+            point: a fit whose worst recording, in which something may have happened once, is to be among them.
+        """
         held = self.recordings
         if len(held) <= most:
             return self
@@ -98,6 +103,12 @@ class Problem:
             return frozenset[int]().union(*(moving[r] for r in recordings))
 
         even = [held[i] for i in np.linspace(0, len(held) - 1, most).round().astype(int)]
+        if point is not None:
+            lost, share = self.likelihood.by_window(point.square).sum(axis=1), self.likelihood.share.sum(axis=1)
+            own = [self.windows.recording == r for r in held]
+            worst = held[int(np.argmax([lost[w].sum() / max(float(share[w].sum()), 1e-300) for w in own]))]
+            if worst not in even:
+                even[int(np.argmin(np.abs(np.array(even) - worst)))] = worst
         if seen(even) == seen(held):
             return self.of_recordings(even)
         chosen: list[int] = []
@@ -204,7 +215,7 @@ def engine_for(
     memory = 1.5 * sum(float(e.delay) for e in plant.all(AbstractDelay)) + 5.0 * max(map(float, plant.time_constants()))
     history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
     courses = [
-        course(g, data.samples, history, data.period, override, table.size)
+        course(g, data.samples, history, data.period, override, begins(table, setting, g.recording))
         for g, override in zip(data.grids, own, strict=True)
     ]
 

@@ -1,5 +1,6 @@
 """What recordings cover: the ranges from which an effect proposes where to start looking for it."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -41,6 +42,12 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         speed=speed,
         acceleration=acceleration,
         recorded=_union([(r.begun, r.begun + r.duration) for r in setting.recordings]),
+        runs=tuple(
+            (begins + r.begun, begins + r.begun + r.duration)
+            for r in setting.recordings
+            for begins in [setting.begins(r)]
+            if math.isfinite(begins)
+        ),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,
         bridge={

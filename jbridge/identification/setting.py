@@ -1,6 +1,7 @@
 """Preparation of an estimation: model and data are checked, and the parameters to be estimated selected."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from .._types import AXES
 from ..errors import InputError
-from ..model.effects.base import AXIS_OF_SITE, L_SENSOR, SWING
+from ..model.effects.base import AXIS_OF_SITE, L_SENSOR, MOMENTS, SWING
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
@@ -57,6 +58,24 @@ class Setting:
     """Mean rope length of the recordings [m]."""
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Masses of the bridge as they were given [kg]."""
+    day: float = math.inf
+    """Time [s] by which recordings follow each other on the clock of what happens in one of them alone, the first of
+    them after as much: what has an earlier moment happens in all of them, that long after a run began."""
+
+    def begins(self, recording: Recording) -> float:
+        """When the run of a recording begins on that clock [s]; never for one from which nothing is chosen, nor for one
+        that shares no time since a run began with any other."""
+        names, end = [r.name for r in self.recordings], recording.begun + recording.duration
+        others = [r for r in self.recordings if r.name != recording.name]
+        shares = any(r.begun < end and recording.begun < r.begun + r.duration for r in others)
+        return self.day * (1 + names.index(recording.name)) if shares and recording.name in names else math.inf
+
+    def when(self, moment: float) -> tuple[str | None, float]:
+        """The one recording in which something happens, if it is one, and the time since its run began [s]."""
+        if moment < self.day:
+            return None, moment
+        which = min(int(moment // self.day), len(self.recordings))
+        return self.recordings[which - 1].name, moment - which * self.day
 
     def axis_of(self, site: str) -> str:
         """The axis on which an effect at a site acts."""
@@ -152,7 +171,8 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
     masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
     masses = {name: mass for name, mass in masses.items() if mass > 0.0}
-    return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, fine)
+    day = 2.0 * max(r.begun + r.duration for r in everything)
+    return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, day, fine)
 
 
 def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -306,3 +326,12 @@ def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[di
         {place: value for name, value in recording.override.items() for place in table.positions(name)}
         for recording in recordings
     ]
+
+
+def begins(table: ParameterTable, setting: Setting, recording: Recording) -> NDArray[np.float64]:
+    """When a recording's run begins on the clock of each moment, by place of the vector [s]; never for all else."""
+    out = np.full(table.size, math.inf)
+    for entry in table.entries:
+        if entry.key in MOMENTS:
+            out[table.positions(entry.name)] = setting.begins(recording)
+    return out

@@ -119,6 +119,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "probability": effect.probability,
         "status": effect.status,
         "in_model": effect.in_model,
+        "recording": effect.recording,
         "explained": effect.explained,
         "parameters": _estimates(effect.parameters),
         "equivalents": [

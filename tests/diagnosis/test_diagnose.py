@@ -149,3 +149,23 @@ def test_without_a_hold_out_the_last_quarter_is_one():
     assert len(first.times) + len(last.times) == len(runs[0].times)
     # Drift and wind go by the time since the run began.
     assert first.begun == 0.0 and last.begun == pytest.approx(4.5, abs=0.02)
+
+
+@pytest.mark.slow
+def test_what_happens_in_one_recording_is_an_event_of_that_one():
+    """Counts that one run misses, beside a drag that all of them show, and beside nothing else."""
+    for more, verdict in (((("quadratic_drag", "cart", {"coefficient": DRAG}),), "missing_physics"), ((), "adequate")):
+        runs = rig(*more)
+        lost = dataclasses.replace(runs[1], x=np.where(runs[1].times >= 3.2, runs[1].x + 0.004, runs[1].x))
+        found = diagnose(model(), [runs[0], lost, runs[2]], runs[3:])
+        assert found.verdict == verdict and found.complete
+        event = found.effects[-1]
+        assert (event.kind, event.site, event.status) == ("missed_counts", "x_sensor", "event")
+        assert event.recording == "run-2.csv" in found.effects[-1].statement and not event.in_model
+        assert event.parameters["jump"].value == pytest.approx(0.004, rel=0.05)
+        assert event.parameters["time"].value == pytest.approx(3.2, abs=0.02)
+        # The event is no part of the model, and bends none of its numbers.
+        assert [e.kind for e in found.model.plant.effects] == ["coulomb_friction", *(kind for kind, *_ in more)]
+        assert float(found.model.plant.bridge.cart_damping) == pytest.approx(30.0, rel=0.01)
+        assert {e.kind for e in found.effects[:-1]} == {kind for kind, *_ in more}
+        assert ("run-2.csv" in found.statement) == (verdict == "adequate")

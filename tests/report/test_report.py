@@ -62,7 +62,8 @@ def test_report_has_every_key(case):
     assert report["location"].keys() == {"site", "equation", "sites", "where", "when"}
     for effect in report["effects"] + report["model_effects"]:
         assert effect.keys() == {
-            "kind", "site", "probability", "status", "explained", "in_model", "parameters", "equivalents", "statement",
+            "kind", "site", "probability", "status", "explained", "in_model", "recording", "parameters", "equivalents",
+            "statement",
         }  # fmt: skip
         for estimate in effect["parameters"].values():
             assert estimate.keys() == {"value", "std", "low", "high", "unit"}

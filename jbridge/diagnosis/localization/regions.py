@@ -114,25 +114,25 @@ def intervals(tracks: Sequence[tuple[str, Track]]) -> tuple[Interval, ...]:
 
 
 def times_of(effects: Sequence[NamedEffect], recordings: Sequence[tuple[str, float]]) -> tuple[Interval, ...]:
-    """When named effects act that count time from the start of each recording: a push, a jump.
+    """When named effects act that count time from the start of a recording: a push, a jump.
 
     Args:
         effects: what was named.
         recordings: names and durations [s].
     """
-    spans: list[tuple[float, float]] = []
+    spans: list[tuple[str | None, float, float]] = []
     for effect in effects:
         told = {key: estimate for key, estimate in effect.parameters.items() if key in ("start", "stop", "time")}
         at = {key: estimate.value for key, estimate in told.items() if isinstance(estimate.value, float)}
         if "start" in at and "stop" in at:
-            spans.append((min(at["start"], at["stop"]), max(at["start"], at["stop"])))
+            spans.append((effect.recording, min(at["start"], at["stop"]), max(at["start"], at["stop"])))
         elif "time" in at:
             edges = [edge for edge in (told["time"].low, told["time"].high) if isinstance(edge, float)]
             around = [*edges, at["time"] - _SHORTEST, at["time"] + _SHORTEST]
-            spans.append((min(around), max(around)))
+            spans.append((effect.recording, min(around), max(around)))
     found = []
     for name, duration in recordings:
-        inside = [(max(a, 0.0), min(b, duration)) for a, b in spans]
+        inside = [(max(a, 0.0), min(b, duration)) for own, a, b in spans if own in (None, name)]
         # What lasts from beginning to end is at no particular time.
         found += [Interval(name, a, b) for a, b in inside if a < b and b - a < 0.95 * duration]
     return tuple(found)

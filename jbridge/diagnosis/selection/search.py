@@ -156,7 +156,7 @@ def _larger(
     with others' effects beside it."""
     short = min(problem.data.horizons, key=lambda h: abs(math.log(min(h, 1e3) / _SHORT)))
     # Short windows show forces, whole recordings what adds up.
-    part = problem.of_horizons([short, WHOLE]).of_some(_SOME)
+    part = problem.of_some(_SOME, now.point).of_horizons([short, WHOLE])
     begun = Start(now.point.vector, now.point.free, problem.states_of(now.point.states, part))
     # Shapes of effects show beside what is best on the same windows.
     [there] = part.solve(now.space.engine, [begun], _FIRST)

@@ -95,6 +95,8 @@ class _Stretch:
     """Orthonormal columns of what another start and a constant force would make up for."""
     left: NDArray[np.float64]
     """What the model leaves, over the noise, without that."""
+    begins: float
+    """When its run begins on the clock of what happens in one recording alone [s]."""
 
 
 def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Bridge, site: str) -> list[_Stretch]:
@@ -125,7 +127,8 @@ def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Br
                 u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if name == "x" else 1]
             q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(rows)))], axis=1))
             r = residual[rows, k]
-            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r)))
+            begins = problem.setting.begins(grid.recording)
+            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r), begins))
     return found
 
 
@@ -134,7 +137,7 @@ def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArr
     explained = np.zeros(len(own))
     for stretch in stretches:
         q, r = stretch.taken, stretch.left
-        s = np.stack([_shapes(c, stretch.axis, stretch.y, stretch.u) for c in own])
+        s = np.stack([_shapes(c, stretch) for c in own])
         s = s - (s @ q) @ q.T
         s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
         gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
@@ -218,21 +221,23 @@ class _Mode:
         return out
 
 
-def _shapes(
-    candidate: Candidate, axis: _LinearAxis, y: NDArray[np.float64], u: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """What an effect adds to a reading, in any unit, `(shape, sample)`; `u` is the input of its drive."""
-    values, t = candidate.values, axis.t
+def _shapes(candidate: Candidate, stretch: _Stretch) -> NDArray[np.float64]:
+    """What an effect adds to a reading, in any unit, `(shape, sample)`."""
+    values, axis, y = candidate.values, stretch.axis, stretch.y
+
+    def is_after(key: str) -> NDArray[np.bool_]:
+        moment = float(values[key])
+        return axis.t >= (moment - stretch.begins if moment >= stretch.begins else moment)
+
     if "time" in values:
-        return (t >= float(values["time"])).astype(float)[None]
+        return is_after("time").astype(float)[None]
     if "start" in values:
-        push = ((t >= float(values["start"])) & (t < float(values["stop"]))).astype(float)
-        return axis.response(push)[None]
+        return axis.response((is_after("start") & ~is_after("stop")).astype(float))[None]
     if "end" in values:
         beyond = y - float(values["position"])
         return axis.response(np.maximum(beyond if values["end"] == "high" else -beyond, 0.0))[None]
     angle = 2 * np.pi * y / float(values["period"])
     shapes = np.stack([np.sin(angle), np.cos(angle)])
     if candidate.site.endswith("_drive"):
-        shapes = shapes * u
+        shapes = shapes * stretch.u
     return shapes if candidate.site.endswith("sensor") else np.stack([axis.response(s) for s in shapes])

@@ -65,7 +65,7 @@ def refitted(problem: Problem, model: Fixed, base: Structure, left: Sequence[Nam
         entry = table.entry(place)
         if (WRONG_VALUE, entry.group) in left:
             vector[place] = getattr(base.plant.bridge, entry.group)
-        elif _owner(entry.group) in left:
+        elif owner_of(entry.group) in left:
             vector[place] = entry.info.null
     plant, engine = table.unravel(vector), model.engine
     if apart:
@@ -141,7 +141,7 @@ def _free(table: ParameterTable, places: NDArray[np.int64], left: Sequence[Name]
     out = []
     for place in map(int, places):
         entry = table.entry(place)
-        if (WRONG_VALUE, entry.group) not in left and _owner(entry.group) not in left:
+        if (WRONG_VALUE, entry.group) not in left and owner_of(entry.group) not in left:
             out.append(entry.name)
     return out
 
@@ -151,7 +151,7 @@ def _contains(one: Name, other: Name) -> bool:
     return one[1] == other[1] and other[0] in {c.kind for c in getattr(CATALOGUE.get(one[0]), "contains", ())}
 
 
-def _owner(group: str) -> Name:
-    """The effect that has a parameter."""
+def owner_of(group: str) -> Name:
+    """The effect that has a parameter, by the parameter's name."""
     kind, _, site = group.rpartition(".")[0].split("#")[0].partition("@")
     return kind, site

@@ -20,6 +20,7 @@ from ...identification.evaluation.judge import Judge, make_judge
 from ...identification.evaluation.repeats import scatter
 from ...identification.likelihood import Likelihood, likelihood
 from ...identification.setting import Setting
+from ...model.effects.base import MOMENTS
 from ...recordings import Recording
 from ..criteria import CRITERIA
 from ..structures.space import Name
@@ -54,6 +55,10 @@ class Validation:
     """Of repeated inputs, by horizon."""
     apart: tuple[Apart, ...] = ()
     """Recordings that ask for a number of their own."""
+    happened: tuple[Name, ...] = ()
+    """Effects that act in one of the other recordings alone, of which the hold-out has no say,"""
+    alone: tuple[Evaluation, ...] = ()
+    """and the model as given beside nothing but these, on the hold-out and on the others."""
 
     @property
     def confirmed(self) -> tuple[Checked, ...]:
@@ -80,7 +85,7 @@ class Validation:
         met = worst <= CRITERIA.met
         if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
             return "missing_physics", met
-        if not self.confirmed and self.worst((self.before, self.train_before))[0] <= CRITERIA.met:
+        if not self.confirmed and self.worst(self.alone or (self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
         return "unknown", False
 
@@ -128,6 +133,12 @@ def validate(
             apart=_apart(problem, holdout, given, tell, deadline),
         )
     every, left_out, refuted = final, list[Name](), list[Name]()
+    happened = [name for name in every.names if _is_of_one(setting, every, name)]
+    alone = before, train_before
+    if happened:
+        others = [name for name in every.names if name not in happened]
+        model = refitted(problem, every, base, others) if others else every
+        alone = judge.evaluate(model.plant, model.engine), own.evaluate(model.plant, model.engine)
     complete = judge.evaluate(final.plant, final.engine)
     beside, criterion = complete, likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
@@ -136,7 +147,8 @@ def validate(
     # Of two effects of which either would do, neither is missed: the one that is missed least goes, and the others are
     # judged without it, those in doubt first.
     while time.monotonic() < deadline or not judged:
-        due = [n for n in every.names if n not in left_out and judged_without.get(n) != len(left_out)]
+        due = [n for n in every.names if n not in happened and n not in left_out]
+        due = [n for n in due if judged_without.get(n) != len(left_out)]
         due = [n for n in due if n not in judged or judged[n].status != "confirmed"] or due
         if not due:
             break
@@ -169,7 +181,10 @@ def validate(
         sure = judge.evaluate(reduced.plant, reduced.engine)
     learned = own.evaluate(every.plant, every.engine)
     return Validation(
-        checked=tuple(sorted(judged.values(), key=lambda c: -(c.explained or 0.0))),
+        checked=(
+            *sorted(judged.values(), key=lambda c: -(c.explained or 0.0)),
+            *(Checked(name, "event", None, 0.0) for name in happened),
+        ),
         given=given,
         final=final,
         before=before,
@@ -180,6 +195,18 @@ def validate(
         learned=explained_by_channel(train_before, learned),
         scatter=_scatters(problem, holdout, before),
         apart=_apart(problem, holdout, final, tell, deadline),
+        happened=tuple(happened),
+        alone=alone,
+    )
+
+
+def _is_of_one(setting: Setting, model: Fixed, name: Name) -> bool:
+    """Whether an effect acts in one recording alone."""
+    return any(
+        setting.when(float(model.point.vector[place]))[0] is not None
+        for group, places in model.table.of_site(name[1]).items()
+        if group.rpartition(".")[2] in MOMENTS and group.split("@")[0] == name[0]
+        for place in places
     )
 
 

@@ -42,6 +42,8 @@ class Course(eqx.Module):
     override_at: Float[Array, " parameter"]
     """1 where the recording sets a parameter of its own,"""
     override_to: Float[Array, " parameter"]
+    begins: Float[Array, " parameter"]
+    """When its run begins on the clock of a moment [s], see `Setting.day`; infinite for all other parameters."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,7 +215,9 @@ def rounded(count: int) -> int:
     return -(-count // unit) * unit
 
 
-def course(g: Grid, samples: int, history: float, period: float, override: Mapping[int, float], size: int) -> Course:
+def course(
+    g: Grid, samples: int, history: float, period: float, override: Mapping[int, float], begins: NDArray[np.float64]
+) -> Course:
     """A recording's inputs as the engine wants them.
 
     Args:
@@ -222,7 +226,7 @@ def course(g: Grid, samples: int, history: float, period: float, override: Mappi
         history: time before the first sample [s] whose inputs a delay or a lag still feels.
         period: of the intervals before, where none were recorded [s].
         override: the recording's own parameters, by place.
-        size: number of parameters.
+        begins: when its run begins on the clock of each parameter [s].
     """
     earlier = max(1, math.ceil(history / period))
     dt, u, before = np.zeros(samples - 1), np.zeros((earlier + samples - 1, 2)), np.full(earlier, period)
@@ -235,12 +239,12 @@ def course(g: Grid, samples: int, history: float, period: float, override: Mappi
         for axis, column in ((0, 0), (2, 1)):
             if _under_way(g, axis):
                 u[:earlier, column] = g.u[0, column]
-    at, to = np.zeros(size), np.zeros(size)
+    at, to = np.zeros(len(begins)), np.zeros(len(begins))
     for place, value in override.items():
         at[place], to[place] = 1.0, value
     begun, moving = np.asarray(float(g.recording.begun)), [np.asarray(float(moves)) for moves in g.active]
-    begun, dt, u, before, at, to, moving = jax.device_put((begun, dt, u, before, at, to, moving))
-    return Course(Lane(begun, dt, u, before, Axes(*moving)), at, to)
+    begun, dt, u, before, moving = jax.device_put((begun, dt, u, before, moving))
+    return Course(Lane(begun, dt, u, before, Axes(*moving)), *jax.device_put((at, to, begins)))
 
 
 def _under_way(g: Grid, axis: int) -> bool:

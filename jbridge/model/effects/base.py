@@ -15,7 +15,7 @@ parameter's unit, bounds and null value stand beside its field (`fields`). The r
 
 import abc
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -44,6 +44,8 @@ AXIS_OF_SITE = {
 }
 """The axis, and thereby the equation, that a site belongs to."""
 DRIVE_OF_AXIS = {"x": CART_DRIVE, "l": HOIST_DRIVE}
+MOMENTS = frozenset({"time", "start", "stop"})
+"""Keys of the moments of what happens once [s]."""
 
 
 _PLACE_UNITS = {
@@ -73,6 +75,9 @@ class Scene(eqx.Module):
     noise make it larger."""
     recorded: tuple[tuple[float, float], ...]
     """Beginnings and ends of the stretches of time that recordings cover, in order, since a run began [s]."""
+    runs: tuple[tuple[float, float], ...]
+    """Beginning and end of each recording on the clock of what happens in one of them alone [s]; none where there is
+    but one."""
     period: float
     """Median sampling period [s]."""
     length: float
@@ -91,6 +96,10 @@ class Scene(eqx.Module):
         passed = np.concatenate([[0.0], np.cumsum(edges[:, 1] - edges[:, 0])])
         k = min(int(np.searchsorted(passed, share * passed[-1], side="right")) - 1, len(edges) - 1)
         return float(edges[k, 0] + share * passed[-1] - passed[k])
+
+    def moments(self, shares: Sequence[float]) -> list[list[float]]:
+        """When these shares of the recorded time have passed, in every recording, and in each of them alone [s]."""
+        return [[self.moment(s) for s in shares], *([a + s * (b - a) for s in shares] for a, b in self.runs)]
 
 
 @dataclasses.dataclass(frozen=True)

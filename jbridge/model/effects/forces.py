@@ -298,9 +298,10 @@ class Wind(AbstractForce):
 
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
-        sixths = [scene.moment(i / 6) for i in range(7)]
-        # The longest first, but for the one that lasts throughout, which is a constant force.
-        spans = sorted(itertools.combinations(sixths, 2), key=lambda span: span[0] - span[1])[1:]
+        spans = []
+        for sixths in scene.moments([i / 6 for i in range(7)]):
+            # The longest first, but for the one that lasts throughout, which is a constant force.
+            spans += sorted(itertools.combinations(sixths, 2), key=lambda span: span[0] - span[1])[1:]
         return [
             Seed({"force": 0.0, "start": start, "stop": stop}, ("force", "start", "stop"), linear=("force",))
             for start, stop in spans

@@ -129,7 +129,8 @@ class MissedCounts(AbstractSensor):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         # What happens in a recording's first or last moments is its start's or nobody's.
-        times = [scene.moment(0.05 + 0.9 * i / (_TIMES - 1)) for i in range(_TIMES)]
+        shares = [0.05 + 0.9 * i / (_TIMES - 1) for i in range(_TIMES)]
+        times = [time for run in scene.moments(shares) for time in run]
         return [Seed({"jump": 0.0, "time": time}, ("jump", "time"), linear=("jump",)) for time in times]
 
 

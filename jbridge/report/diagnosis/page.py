@@ -162,7 +162,8 @@ def _status(effect: NamedEffect) -> str:
     if effect.status == "confirmed":
         return f"Confirmed: without it the hold-out is worse by more than two standard errors.{share}"
     if effect.status == "event":
-        return "An event: it happened once, in these recordings alone, and the model file leaves it out."
+        where = "in these recordings alone" if effect.recording is None else f"in {effect.recording} alone"
+        return f"An event: it happened once, {where}, and the model file leaves it out."
     if not effect.in_model:
         return "Suggested: the recordings ask for it, but the hold-out speaks against it: not in the model file."
     return f"Suggested: the training recordings ask for it, and the hold-out does not decide.{share}"

@@ -128,7 +128,7 @@ def _place(diagnosis: Diagnosis) -> str:
 
 
 def _effect(effect: NamedEffect, diagnosis: Diagnosis) -> list[str]:
-    chance = f", {effect.status}"
+    chance = f", {effect.status}" + ("" if effect.recording is None else f" in {effect.recording}")
     chance += "" if effect.probability is None else f", probability {percent(effect.probability)}"
     chance += "" if effect.in_model else "; model.toml leaves it out"
     lines = _wrapped("Named", effect_name(effect.kind, effect.site) + chance)

@@ -422,6 +422,7 @@ SCENE = Scene(
     speed={"x": 0.4, "psi": 1.0, "l": 0.2},
     acceleration={"x": 1.5, "psi": 9.0, "l": 0.8},
     recorded=((0.0, 12.0), (30.0, 38.0)),
+    runs=((100.0, 112.0), (230.0, 238.0)),
     period=PERIOD,
     length=0.65,
     bridge=NUMBERS,
