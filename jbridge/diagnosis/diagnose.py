@@ -24,7 +24,7 @@ from ..identification.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..model.names import QUANTITIES
 from ..model.plant import Plant
-from ..recordings import Recording, covered_by
+from ..recordings import Recording, covered_by, several
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
@@ -81,13 +81,14 @@ def diagnose(
         interrupt (Ctrl-C) the model that was found by then, without a verdict: the hold-out stays closed.
 
     Raises:
-        InputError: model and recordings do not go together.
+        InputError: model and recordings do not go together, or there are none.
     """
     begun = time.monotonic()
 
     def tell(text: str) -> None:
         (progress or silent)(Step(text, most=budget))
 
+    recordings = several(recordings)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
         recordings, holdout, note = split_off(recordings)

@@ -12,7 +12,7 @@ from ..compilation.threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..model.parameters import ParameterTable
-from ..recordings import Recording, covered_by
+from ..recordings import Recording, covered_by, several
 from .data.thinning import thinned
 from .data.windows import make_data, make_windows
 from .estimation import engine_for, fit_structure, make_problem
@@ -55,6 +55,7 @@ def fit(
     begun = time.perf_counter()
     tell = progress or silent
     notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
+    recordings = several(recordings)
     model, setting, told = prepared(model, recordings, holdout)
     notes = (*notes, *told)
     for recording in recordings:
@@ -149,7 +150,7 @@ def fit_from_many(
         InputError: model and recordings do not go together, or one is too short.
     """
     (progress or silent)(f"fitting from {starts} starts")
-    setting = make_setting(model, recordings, ()).thinned()
+    setting = make_setting(model, several(recordings), ()).thinned()
     plant = resolve(model.plant, setting.length)
     problem = make_problem(setting, make_windows(setting.recordings, WINDOW))
     engine = engine_for(setting, problem.data, plant)

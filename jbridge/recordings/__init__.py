@@ -16,7 +16,7 @@ from jbridge.recordings.plausibility.gains import GUESSED as GUESSED_GAIN
 from jbridge.recordings.plausibility.gains import KNOWN as KNOWN_GAIN
 from jbridge.recordings.plausibility.gains import check_units, contradiction, drive_gains
 from jbridge.recordings.plausibility.gains import remedy as gain_remedy
-from jbridge.recordings.recording import Recording, covered_by
+from jbridge.recordings.recording import Recording, covered_by, several
 from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
@@ -35,4 +35,5 @@ __all__ = [
     "load_recording",
     "load_recordings",
     "save_csv",
+    "several",
 ]

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import InputError
+
 MEASURED = ("x", "psi", "l")
 """Names of the measured channels, those of the axes."""
 INPUTS = ("u_x", "u_l")
@@ -213,6 +215,18 @@ class Recording:
     def has_hoist(self) -> bool:
         """Whether the rope is wound: without `u_l` it is locked."""
         return self.u_l is not None
+
+
+def several(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
+    """Recordings as a tuple, of which one may be given alone.
+
+    Raises:
+        InputError: there is none.
+    """
+    every = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    if not every:
+        raise InputError("no recordings: give one at least from which the model is learned")
+    return every
 
 
 def covered_by(recordings: Iterable[Recording]) -> dict[str, tuple[float, float]]:

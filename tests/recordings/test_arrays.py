@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jbridge import InputError, Recording
+from jbridge import InputError, Recording, diagnose, fit
 from jbridge.identification.setting import make_setting
-from jbridge.model.files import load_model
-from jbridge.recordings import load_recording
+from jbridge.model.files import Model, load_model
+from jbridge.recordings import load_recording, several
+from tests.problems import make_plant
 
 
 class Frame:
@@ -207,3 +208,12 @@ def test_what_is_to_be_declared_is_an_argument():
         Recording.from_arrays(name="monday.mat", t=t, psi=0.1 * np.sin(4 * t))
     with pytest.raises(InputError, match="force=True takes it as it is"):
         Recording.from_arrays(t=t, x=1000 * t, u_x=np.sin(t))
+
+
+def test_one_recording_may_be_given_alone_and_none_is_refused(columns):
+    one = Recording.from_arrays(**columns)
+    assert several(one) == several([one]) == several(iter([one])) == (one,)
+    model = Model(make_plant(), frozenset(), frozenset(), {}, "")
+    for call in (fit, diagnose):
+        with pytest.raises(InputError, match="no recordings: give one at least"):
+            call(model, [])
