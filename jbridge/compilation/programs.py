@@ -104,16 +104,18 @@ def _resident() -> float:
 
 
 _seconds = 0.0
+_counting = threading.Lock()
 
 
 def seconds() -> float:
-    """How long this process has been making programs so far, each with its first run [s]."""
+    """How long it took to make the programs that this process has kept so far, each with its first run [s]."""
     return _seconds
 
 
 def _spent(some: float) -> None:
     global _seconds
-    _seconds += some
+    with _counting:
+        _seconds += some
 
 
 T = TypeVar("T", bound=type)

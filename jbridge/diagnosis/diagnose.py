@@ -24,7 +24,7 @@ from ..identification.uncertainty import as_uncertainty
 from ..model.files import Model
 from ..model.names import QUANTITIES
 from ..model.plant import Plant
-from ..recordings import Recording, covered_by, several
+from ..recordings import Recording, as_recordings, covered_by, required
 from .comparison_with_former import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
@@ -55,10 +55,10 @@ each effect that is left out takes one more."""
 @with_progress
 def diagnose(
     model: Model,
-    recordings: Sequence[Recording],
-    holdout: Sequence[Recording] = (),
+    recordings: Recording | Sequence[Recording],
+    holdout: Recording | Sequence[Recording] = (),
     *,
-    new: Sequence[Recording] = (),
+    new: Recording | Sequence[Recording] = (),
     former: Former | None = None,
     budget: float = BUDGET,
     progress: Callable[[str], None] | None = None,
@@ -67,7 +67,7 @@ def diagnose(
 
     Args:
         model: structure, start values and what is known.
-        recordings: measured runs from which everything is chosen.
+        recordings: measured runs from which everything is chosen, or one of them.
         holdout: runs from which no number is learned, and which are opened when the search has ended: the proof.
             Without any, the last quarter of the recordings (of the time, if there is one recording) plays their part,
             and the report says so.
@@ -88,7 +88,7 @@ def diagnose(
     def tell(text: str) -> None:
         (progress or silent)(Step(text, most=budget))
 
-    recordings = several(recordings)
+    recordings, holdout, new = required(recordings), as_recordings(holdout), as_recordings(new)
     notes = [f"{r.name}: {note}" for r in (*recordings, *new, *holdout) for note in r.notes]
     if not holdout:
         recordings, holdout, note = split_off(recordings)
@@ -157,7 +157,7 @@ def _told(
                 naming,
                 c,
                 final if inside else searched,
-                in_model=inside and c.name not in checked.happened,
+                in_model=inside and c.name not in checked.events,
             )
             for c in checked.checked
             for inside in [c.name in final.names]
@@ -214,8 +214,8 @@ def _told(
         for each in checked.apart
         for own in [each.numbers]
     ]
-    lasting = [e for e in final.plant.effects if (e.kind, e.site) not in checked.happened]
-    values = {name: e for name, e in values.items() if owner_of(name) not in checked.happened}
+    lasting = [e for e in final.plant.effects if (e.kind, e.site) not in checked.events]
+    values = {name: e for name, e in values.items() if owner_of(name) not in checked.events}
     known = model.known - {site for kind, site in final.names if kind == WRONG_VALUE}
     empty = Errors({}, {})
     return Diagnosis(

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from ..identification.estimation import Problem
 from ..identification.result import Estimate
-from ..identification.setting import Setting
 from ..identification.uncertainty import covariance, estimates, warnings
-from ..model.effects.base import MOMENTS
 from ..model.parameters import ParameterTable
 from .criteria import CRITERIA
 from .experiment_design.discrimination import Contender
@@ -24,7 +22,7 @@ from .structures.candidates import WRONG_VALUE
 from .structures.space import Name, looks_like
 from .structures.structure import Structure, blocks_of
 from .validation.confirmation import Checked
-from .validation.refits import Fixed, replaced
+from .validation.refits import Fixed, recording_of, replaced
 from .words import effect_sentence
 
 
@@ -32,7 +30,7 @@ def estimated(problem: Problem, final: Fixed) -> tuple[dict[str, Estimate], list
     """Every number of the final model with its interval, and what the recordings do not determine."""
     cov = covariance(problem, final.engine, final.point)
     table = ParameterTable(final.plant, problem.setting.units)
-    vector, free = final.point.vector, final.point.free
+    vector, free = problem.setting.since_start(table, final.point.vector), final.point.free
     bounds = problem.likelihood.prior.bounds(table)
     return estimates(table, vector, free, cov, problem.setting.period), warnings(table, vector, free, cov, bounds)
 
@@ -126,16 +124,18 @@ def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) 
         of: where it was found.
         checked: the effect, as the hold-out judges it.
         model: with the effect.
-        in_model: whether that is the final one.
+        in_model: whether the model file has it.
     """
     kind, site = checked.name
-    recording, parameters = _in_its_run(of.search.problem.setting, parameters_of(kind, site, of.values))
-    rivals, own = _rivals(of, checked.name, model)
+    parameters = parameters_of(kind, site, of.values)
+    own = recording_of(of.search.problem.setting, model, checked.name)
+    recording = None if own is None else own.name
+    rivals, chance = _rivals(of, checked.name, model)
     statement = effect_sentence(kind, site, parameters, rivals, recording)
     return NamedEffect(
         kind=kind,
         site=site,
-        probability=own,
+        probability=chance,
         parameters=parameters,
         equivalents=tuple(rivals),
         statement=statement,
@@ -144,21 +144,6 @@ def named_effect(of: Naming, checked: Checked, model: Fixed, *, in_model: bool) 
         in_model=in_model,
         recording=recording,
     )
-
-
-def _in_its_run(setting: Setting, parameters: Mapping[str, Estimate]) -> tuple[str | None, dict[str, Estimate]]:
-    """The one recording in which an effect happens, if it is one, and its parameters, with moments that count from the
-    beginning of a run."""
-    found, out = None, dict(parameters)
-    for key, told in parameters.items():
-        if key not in MOMENTS or isinstance(told.value, list):
-            continue
-        found, moment = setting.when(told.value)
-        low, high = (
-            edge if not isinstance(edge, float) else edge - told.value + moment for edge in (told.low, told.high)
-        )
-        out[key] = dataclasses.replace(told, value=moment, low=low, high=high)
-    return found, out
 
 
 def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | None]:
@@ -196,7 +181,7 @@ def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | 
                 Rival(
                     *other,
                     chances[i],
-                    _in_its_run(problem.setting, parameters_of(*other, values))[1],
+                    parameters_of(*other, values),
                     of.holdout_errors(models[i]),
                 )
             )
@@ -205,7 +190,8 @@ def _rivals(of: Naming, name: Name, model: Fixed) -> tuple[list[Rival], float | 
 
 def contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender]:
     """The named effect that is least certain, and its rivals; empty where each name stands alone."""
-    unsure = [e for e in effects if e.equivalents]
+    # No further recording shows what happened in one of these.
+    unsure = [e for e in effects if e.equivalents and e.recording is None]
     if not unsure:
         return []
     effect = max(unsure, key=lambda e: sum(r.probability for r in e.equivalents))

@@ -165,7 +165,8 @@ def verdict_sentence(
         named = listed([e for e in effects])
         return f"The search was interrupted{f' after it had found {named}' if named else ''}; the hold-out is unseen."
     if verdict == "adequate":
-        once = "".join(f", but for {listed([e])} in {e.recording}" for e in effects if e.recording is not None)
+        events = [f"{listed([e])} in {e.recording}" for e in effects if e.recording is not None]
+        once = f", but for {' and '.join(events)}" if events else ""
         return (
             f"The model explains the recordings{once}: what remains is noise or the rig's own measured scatter, at "
             f"most {times} times it ({channel}, {where})."
@@ -183,10 +184,11 @@ def verdict_sentence(
             f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(proven)}; "
             f"what remains, {left}.{late}"
         )
-    if effects and max(learned.values(), default=0.0) > CRITERIA.named:
-        explain, them = ("explains", "it") if len(effects) == 1 else ("explain", "them")
+    found = [e for e in effects if e.recording is None]
+    if found and max(learned.values(), default=0.0) > CRITERIA.named:
+        explain, them = ("explains", "it") if len(found) == 1 else ("explain", "them")
         return (
-            f"Something is missing. What was found, {listed(effects)}, {explain} {_shares(learned, _TRAINING)}, but the"
+            f"Something is missing. What was found, {listed(found)}, {explain} {_shares(learned, _TRAINING)}, but the"
             f" hold-out does not confirm {them}: what remains, {left}.{late}"
         )
     if late:

@@ -21,7 +21,7 @@ from .likelihood import Index, Likelihood, index, likelihood
 from .prior import Prior
 from .sensitivity.engine import Engine
 from .sensitivity.windowed_rollout import Stepping, Steps
-from .setting import FINER, Setting, begins, free_places, overrides
+from .setting import FINER, Setting, free_places, moments_of, overrides
 from .solver import Limits, Normal, Point, Start, evaluate, normal_equations, residuals, solve
 
 _HISTORY = 0.6
@@ -103,15 +103,14 @@ class Problem:
             return frozenset[int]().union(*(moving[r] for r in recordings))
 
         even = [held[i] for i in np.linspace(0, len(held) - 1, most).round().astype(int)]
+        chosen: list[int] = []
         if point is not None:
             lost, share = self.likelihood.by_window(point.square).sum(axis=1), self.likelihood.share.sum(axis=1)
             own = [self.windows.recording == r for r in held]
-            worst = held[int(np.argmax([lost[w].sum() / max(float(share[w].sum()), 1e-300) for w in own]))]
-            if worst not in even:
-                even[int(np.argmin(np.abs(np.array(even) - worst)))] = worst
+            chosen = [held[int(np.argmax([lost[w].sum() / max(float(share[w].sum()), 1e-300) for w in own]))]]
+            even[int(np.argmin(np.abs(np.array(even) - chosen[0])))] = chosen[0]
         if seen(even) == seen(held):
             return self.of_recordings(even)
-        chosen: list[int] = []
         while seen(chosen) != seen(held):
             chosen.append(max(held, key=lambda r: (len(moving[r] - seen(chosen)), r in even)))
         return self.of_recordings([*chosen, *(r for r in even if r not in chosen)][: max(most, len(chosen))])
@@ -161,7 +160,9 @@ class Problem:
         What a lag takes away a larger gain and damping give back in part, so that the criterion has minima at other
         time constants than the true one: between them it rises by little, but it rises.
         """
-        times = [int(p) for p in point.free if engine.table.entry(int(p)).info.unit == "s" and point.vector[p] > 0.0]
+        moments = moments_of(engine.table)
+        times = [int(p) for p in point.free if engine.table.entry(int(p)).info.unit == "s" and p not in moments]
+        times = [p for p in times if point.vector[p] > 0.0]
         low = self.shortest().of_some(_SOME)
         states = self.states_of(point.states, low)
         starts = [Start(point.vector, point.free, states)]
@@ -211,12 +212,14 @@ def engine_for(
         given, width, lanes: see `Engine`.
     """
     table = ParameterTable(plant)
-    own = overrides(table, data.recordings)
+    own, clocks = overrides(table, data.recordings), np.full((len(data.grids), table.size), math.inf)
+    clocks[:, moments_of(table)] = np.array([setting.starts(g.recording) for g in data.grids])[:, None]
+    early = 0.25 * setting.slot if math.isfinite(setting.slot) else 0.0
     memory = 1.5 * sum(float(e.delay) for e in plant.all(AbstractDelay)) + 5.0 * max(map(float, plant.time_constants()))
     history = max(_HISTORY, min(memory, max(r.duration for r in data.recordings)))
     courses = [
-        course(g, data.samples, history, data.period, override, begins(table, setting, g.recording))
-        for g, override in zip(data.grids, own, strict=True)
+        course(g, data.samples, history, data.period, override, starts, early)
+        for g, override, starts in zip(data.grids, own, clocks, strict=True)
     ]
 
     damped = stiff_axes(plant)

@@ -12,7 +12,7 @@ from ..compilation.threads import one_thread_each
 from ..errors import InputError
 from ..model.files import Model
 from ..model.parameters import ParameterTable
-from ..recordings import Recording, covered_by, several
+from ..recordings import Recording, as_recordings, covered_by, required
 from .data.thinning import thinned
 from .data.windows import make_data, make_windows
 from .estimation import engine_for, fit_structure, make_problem
@@ -29,8 +29,8 @@ from .uncertainty import as_uncertainty, covariance, estimates, warnings
 @with_progress
 def fit(
     model: Model,
-    recordings: Sequence[Recording],
-    holdout: Sequence[Recording] = (),
+    recordings: Recording | Sequence[Recording],
+    holdout: Recording | Sequence[Recording] = (),
     *,
     window: float | None = None,
     progress: Callable[[str], None] | None = None,
@@ -39,7 +39,7 @@ def fit(
 
     Args:
         model: structure, start values and what is known.
-        recordings: measured runs.
+        recordings: measured runs, or one of them.
         holdout: further runs, used only to state errors.
         window: fits windows of this length [s] alone, each from a state of its own, in place of windows of several
             lengths and whole recordings. Where a free run measures luck (a motor in current mode is a double
@@ -50,12 +50,12 @@ def fit(
         The fitted model with 95 % intervals and free-run errors.
 
     Raises:
-        InputError: model and recordings do not go together, or the window does not suit a recording.
+        InputError: there are no recordings, model and recordings do not go together, or the window does not suit one.
     """
     begun = time.perf_counter()
     tell = progress or silent
     notes = () if window is None else (f"Fitted to windows of {window:g} s, not to whole recordings.",)
-    recordings = several(recordings)
+    recordings, holdout = required(recordings), as_recordings(holdout)
     model, setting, told = prepared(model, recordings, holdout)
     notes = (*notes, *told)
     for recording in recordings:
@@ -129,7 +129,7 @@ class Starts:
 @with_progress
 def fit_from_many(
     model: Model,
-    recordings: Sequence[Recording],
+    recordings: Recording | Sequence[Recording],
     *,
     starts: int = 64,
     spread: float = 0.5,
@@ -140,7 +140,7 @@ def fit_from_many(
 
     Args:
         model: structure, what is known, and the middle of the starts.
-        recordings: measured runs.
+        recordings: measured runs, or one of them.
         starts: how many; the first is the model's own.
         spread: standard deviation of a start's logarithm.
         iterations: most steps of each.
@@ -150,7 +150,7 @@ def fit_from_many(
         InputError: model and recordings do not go together, or one is too short.
     """
     (progress or silent)(f"fitting from {starts} starts")
-    setting = make_setting(model, several(recordings), ()).thinned()
+    setting = make_setting(model, required(recordings), ()).thinned()
     plant = resolve(model.plant, setting.length)
     problem = make_problem(setting, make_windows(setting.recordings, WINDOW))
     engine = engine_for(setting, problem.data, plant)

@@ -43,10 +43,10 @@ def scene_of(setting: Setting, plant: Plant) -> Scene:
         acceleration=acceleration,
         recorded=_union([(r.begun, r.begun + r.duration) for r in setting.recordings]),
         runs=tuple(
-            (begins + r.begun, begins + r.begun + r.duration)
+            (start + r.begun, start + r.begun + r.duration)
             for r in setting.recordings
-            for begins in [setting.begins(r)]
-            if math.isfinite(begins)
+            for start in [setting.starts(r)]
+            if math.isfinite(start)
         ),
         period=float(np.median([r.period for r in setting.recordings])),
         length=setting.length,

@@ -58,31 +58,39 @@ class Setting:
     """Mean rope length of the recordings [m]."""
     masses: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Masses of the bridge as they were given [kg]."""
-    day: float = math.inf
-    """Time [s] by which recordings follow each other on the clock of what happens in one of them alone, the first of
-    them after as much: what has an earlier moment happens in all of them, that long after a run began."""
-
-    def begins(self, recording: Recording) -> float:
-        """When the run of a recording begins on that clock [s]; never for one from which nothing is chosen, nor for one
-        that shares no time since a run began with any other."""
-        names, end = [r.name for r in self.recordings], recording.begun + recording.duration
-        others = [r for r in self.recordings if r.name != recording.name]
-        shares = any(r.begun < end and recording.begun < r.begun + r.duration for r in others)
-        return self.day * (1 + names.index(recording.name)) if shares and recording.name in names else math.inf
-
-    def when(self, moment: float) -> tuple[str | None, float]:
-        """The one recording in which something happens, if it is one, and the time since its run began [s]."""
-        if moment < self.day:
-            return None, moment
-        which = min(int(moment // self.day), len(self.recordings))
-        return self.recordings[which - 1].name, moment - which * self.day
+    fine: bool = False
+    """Whether swings are so wide that steps must be of order 4."""
+    slot: float = math.inf
+    """Length of each recording's slot on the common clock of events [s]: a moment in slot 0 is the same time since its
+    start in every recording, one in slot `k` is in recording `k` alone. A slot begins a quarter of it before its run,
+    so that a moment which a fit moves to before the start stays the run's own."""
 
     def axis_of(self, site: str) -> str:
         """The axis on which an effect at a site acts."""
         return _axis_of(site, self.axes)
 
-    fine: bool = False
-    """Whether swings are so wide that steps must be of order 4."""
+    def starts(self, recording: Recording) -> float:
+        """When a recording's run starts on the clock of events [s]: never for one from which nothing is chosen, nor for
+        one that shares no time since its start with any other."""
+        own = next((k for k, each in enumerate(self.recordings, 1) if each is recording), None)
+        end = recording.begun + recording.duration
+        others = [each for each in self.recordings if each is not recording]
+        shares = any(each.begun < end and recording.begun < each.begun + each.duration for each in others)
+        return math.inf if own is None or not shares else self.slot * own
+
+    def when(self, moment: float) -> tuple[Recording | None, float]:
+        """The one recording in which something happens, if it is one, and the time since its start [s]."""
+        number = int(moment / self.slot + 0.25) if moment >= 0.75 * self.slot else 0
+        own = self.recordings[min(number, len(self.recordings)) - 1]
+        start = self.starts(own) if number else math.inf
+        return (None, moment) if math.isinf(start) else (own, moment - start)
+
+    def since_start(self, table: ParameterTable, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A parameter vector whose moments are times since the start of their recordings."""
+        out = vector.copy()
+        for place in moments_of(table):
+            out[place] = self.when(float(vector[place]))[1]
+        return out
 
     @property
     def period(self) -> float:
@@ -171,8 +179,9 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     fine = any(_drifts(r, noise["psi"], plant) for r in everything if r.psi is not None)
     masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
     masses = {name: mass for name, mass in masses.items() if mass > 0.0}
-    day = 2.0 * max(r.begun + r.duration for r in everything)
-    return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, day, fine)
+    given = [float(getattr(effect, key)) for effect in plant.effects for key in MOMENTS if hasattr(effect, key)]
+    slot = 2.0 * max(*given, *(r.begun + r.duration for r in everything), 0.0)
+    return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, fine, slot)
 
 
 def _moving(recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -328,10 +337,6 @@ def overrides(table: ParameterTable, recordings: Sequence[Recording]) -> list[di
     ]
 
 
-def begins(table: ParameterTable, setting: Setting, recording: Recording) -> NDArray[np.float64]:
-    """When a recording's run begins on the clock of each moment, by place of the vector [s]; never for all else."""
-    out = np.full(table.size, math.inf)
-    for entry in table.entries:
-        if entry.key in MOMENTS:
-            out[table.positions(entry.name)] = setting.begins(recording)
-    return out
+def moments_of(table: ParameterTable) -> list[int]:
+    """Places in the vector of the moments of events."""
+    return [place for entry in table.entries if entry.key in MOMENTS for place in table.positions(entry.name)]

@@ -16,7 +16,7 @@ from jbridge.recordings.plausibility.gains import GUESSED as GUESSED_GAIN
 from jbridge.recordings.plausibility.gains import KNOWN as KNOWN_GAIN
 from jbridge.recordings.plausibility.gains import check_units, contradiction, drive_gains
 from jbridge.recordings.plausibility.gains import remedy as gain_remedy
-from jbridge.recordings.recording import Recording, covered_by, several
+from jbridge.recordings.recording import Recording, as_recordings, covered_by, required
 from jbridge.recordings.tables.csv_table import save_csv
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "Inspection",
     "KNOWN_GAIN",
     "Recording",
+    "as_recordings",
     "check_units",
     "constant_inputs",
     "contradiction",
@@ -34,6 +35,6 @@ __all__ = [
     "inspect_recordings",
     "load_recording",
     "load_recordings",
+    "required",
     "save_csv",
-    "several",
 ]

@@ -217,15 +217,20 @@ class Recording:
         return self.u_l is not None
 
 
-def several(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
-    """Recordings as a tuple, of which one may be given alone.
+def as_recordings(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
+    """Recordings as a tuple, of which one may be given alone."""
+    return (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+
+
+def required(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
+    """The same.
 
     Raises:
         InputError: there is none.
     """
-    every = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    every = as_recordings(recordings)
     if not every:
-        raise InputError("no recordings: give one at least from which the model is learned")
+        raise InputError("no recordings: give at least one to learn the model from")
     return every
 
 

@@ -222,12 +222,12 @@ def test_what_happens_in_one_recording_happens_at_its_moment_there_and_in_no_oth
     [jump], [time] = (engine.table.positions(f"missed_counts@x_sensor.{key}") for key in ("jump", "time"))
     without = start.vector.copy()
     without[jump] = 0.0
-    # In both of them half a second after a run began, or so long after the run of the first, or of the second, did.
-    for alone, after in ((None, 0.5), (0, 0.5), (1, 0.8)):
+    # In both of them half a second after the start, or so long after that of the first, or the second; or before it.
+    for alone, after in ((None, 0.5), (0, 0.5), (1, 0.8), (1, -0.1)):
         vector = start.vector.copy()
-        vector[time] = after + (0.0 if alone is None else problem.setting.begins(problem.setting.recordings[alone]))
-        name, told = problem.setting.when(vector[time])
-        assert name == (None if alone is None else f"{alone}.csv") and told == pytest.approx(after)
+        vector[time] = after + (0.0 if alone is None else problem.setting.starts(problem.setting.recordings[alone]))
+        where, told = problem.setting.when(vector[time])
+        assert (where and where.name) == (None if alone is None else f"{alone}.csv") and told == pytest.approx(after)
         jobs = [Job(v, t.recording, t.begins, t.states) for t in problem.data.tilings for v in (vector, without)]
         readings = engine.predict(jobs)
         times = problem.data.grids[0].times
@@ -236,7 +236,7 @@ def test_what_happens_in_one_recording_happens_at_its_moment_there_and_in_no_oth
             still = times < after - 0.01
             change = (one - other)[: len(times), 0]
             # The state at the beginning is that of the reading, which had not stepped yet.
-            np.testing.assert_allclose(change[stepped], 0.01, atol=1e-9)
+            np.testing.assert_allclose(change[stepped], 0.01 if after > 0.0 else 0.0, atol=1e-9)
             np.testing.assert_allclose(change[still | (alone not in (None, own))], 0.0, atol=1e-9)
 
 

@@ -9,7 +9,7 @@ import pytest
 from jbridge import InputError, Recording, diagnose, fit
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model, load_model
-from jbridge.recordings import load_recording, several
+from jbridge.recordings import as_recordings, load_recording
 from tests.problems import make_plant
 
 
@@ -212,8 +212,8 @@ def test_what_is_to_be_declared_is_an_argument():
 
 def test_one_recording_may_be_given_alone_and_none_is_refused(columns):
     one = Recording.from_arrays(**columns)
-    assert several(one) == several([one]) == several(iter([one])) == (one,)
+    assert as_recordings(one) == as_recordings([one]) == as_recordings(iter([one])) == (one,)
     model = Model(make_plant(), frozenset(), frozenset(), {}, "")
     for call in (fit, diagnose):
-        with pytest.raises(InputError, match="no recordings: give one at least"):
+        with pytest.raises(InputError, match="no recordings: give at least one"):
             call(model, [])

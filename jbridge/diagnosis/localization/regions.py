@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._types import EQUATIONS
+from ...model.effects.base import MOMENTS
 from ..result import Interval, NamedEffect, Region
 from .missing_force import INPUT_OF, Track
 
@@ -122,7 +123,7 @@ def times_of(effects: Sequence[NamedEffect], recordings: Sequence[tuple[str, flo
     """
     spans: list[tuple[str | None, float, float]] = []
     for effect in effects:
-        told = {key: estimate for key, estimate in effect.parameters.items() if key in ("start", "stop", "time")}
+        told = {key: estimate for key, estimate in effect.parameters.items() if key in MOMENTS}
         at = {key: estimate.value for key, estimate in told.items() if isinstance(estimate.value, float)}
         if "start" in at and "stop" in at:
             spans.append((effect.recording, min(at["start"], at["stop"]), max(at["start"], at["stop"])))

@@ -25,8 +25,16 @@ from ...identification.solver import Start
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import WRONG_VALUE
-from ..structures.space import Name, is_apart, largest_shown, proposals
-from ..structures.structure import Structure, accepts, leaves_nothing, preferred, weighed, with_own_levels
+from ..structures.space import Name, is_apart, largest_shown, looks_like, proposals
+from ..structures.structure import (
+    Structure,
+    accepts,
+    leaves_nothing,
+    preferred,
+    serves_as_well,
+    weighed,
+    with_own_levels,
+)
 from .additions import added
 from .mechanisms import with_mechanisms
 from .moves import AT_ONCE, Move, axis_of, refinements, removals, replacements, simplifications, together
@@ -93,14 +101,15 @@ def select(
             so_far = ", ".join(f"{kind} ({site})" for kind, site in now.names) or "the model as given"
             tell(f"round {number + 1}: looking beyond {so_far}")
             found = _smaller(problem, base, now, runners_up, seen)
-            # A law that does with fewer numbers is no rival of what may be added to it.
-            fewer = [s for s in found if len(s.point.free) < len(now.point.free) and accepts(problem, now, s)]
-            if not fewer and not leaves_nothing(problem, now):
+            # A law that does with fewer numbers, or a plainer one, is no rival of what may be added to it.
+            simpler = [s for s in found if len(s.point.free) < len(now.point.free) and accepts(problem, now, s)]
+            simpler += [s for s in found if serves_as_well(problem, now, s)]
+            if not simpler and not leaves_nothing(problem, now):
                 found += _larger(problem, base, now, None if number else given, seen)
         except KeyboardInterrupt:
             stopped = "interrupted"
             break
-        better = [s for s in found if accepts(problem, now, s)]
+        better = [s for s in found if accepts(problem, now, s) or serves_as_well(problem, now, s)]
         tried.append(tuple(dataclasses.replace(s, left=()) for s in sorted(found, key=_value)))
         if problem.is_late:
             stopped = "budget"
@@ -123,13 +132,15 @@ def select(
 
 
 def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
-    """The best model that adds another effect than the best one does on the same axis, by that effect."""
+    """The best model that adds another effect than the best one does on the same axis, by that effect; one that adds a
+    plainer effect, which this one looks like, comes before others."""
     if best.names[:-1] != now.names:
         return {}
     new = best.names[-1]
     others = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
     others = [s for s in others if s.names[-1] != new and axis_of(setting, s.names[-1]) == axis_of(setting, new)]
-    return {new: min(others, key=_value)} if others else {}
+    plainer = [s for s in others if looks_like(new, s.names[-1])]
+    return {new: min(plainer or others, key=_value)} if others else {}
 
 
 def _smaller(

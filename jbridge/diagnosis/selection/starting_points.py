@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from ..._types import AXES
 from ...identification.data.grid import Grid
 from ...identification.estimation import Problem
+from ...identification.setting import Setting
 from ...model.bridge import Bridge
-from ...model.effects.base import AXIS_OF_SITE
+from ...model.effects.base import AXIS_OF_SITE, MOMENTS
+from ...recordings import Recording
 from ..structures.candidates import Candidate
 from ..structures.space import Name
 
@@ -48,7 +50,7 @@ def promising(
     crowded = [own for own in many.values() if len(own) > _MOST_STARTS]
     stretches = {site: _stretches(problem, left, bridge, site) for site in {own[0].site for own in crowded}}
     for own in crowded:
-        explained = functools.partial(_regressed, stretches[own[0].site])
+        explained = functools.partial(_regressed, problem.setting, stretches[own[0].site])
         shares = explained(own)
         # Two places may be one and the same, as a push and the pause after it are.
         _, first = np.unique(np.round(-shares, 9), return_index=True)
@@ -95,8 +97,7 @@ class _Stretch:
     """Orthonormal columns of what another start and a constant force would make up for."""
     left: NDArray[np.float64]
     """What the model leaves, over the noise, without that."""
-    begins: float
-    """When its run begins on the clock of what happens in one recording alone [s]."""
+    recording: Recording
 
 
 def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Bridge, site: str) -> list[_Stretch]:
@@ -127,24 +128,31 @@ def _stretches(problem: Problem, left: Sequence[NDArray[np.float64]], bridge: Br
                 u = grid.u[np.minimum(rows, grid.intervals - 1), 0 if name == "x" else 1]
             q, _ = np.linalg.qr(np.stack([*axis.free_motion(), axis.response(np.ones(len(rows)))], axis=1))
             r = residual[rows, k]
-            begins = problem.setting.begins(grid.recording)
-            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r), begins))
+            found.append(_Stretch(axis, data.y[tiling.recording, rows, k], u, q, r - q @ (q.T @ r), grid.recording))
     return found
 
 
-def _regressed(stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArray[np.float64]:
-    """Share of what is left that one effect's shapes explain, summed over stretches, by place to start."""
-    explained = np.zeros(len(own))
+def _regressed(setting: Setting, stretches: Sequence[_Stretch], own: Sequence[Candidate]) -> NDArray[np.float64]:
+    """Share of what is left that one effect's shapes explain with the same amplitudes in all stretches, by place to
+    start."""
+    return np.array([_explained(setting, stretches, candidate) for candidate in own])
+
+
+def _explained(setting: Setting, stretches: Sequence[_Stretch], candidate: Candidate) -> float:
+    moments = {key: setting.when(float(candidate.values[key])) for key in MOMENTS & set(candidate.values)}
+    gram, right = np.zeros((1, 1)), np.zeros(1)
     for stretch in stretches:
+        if any(where not in (None, stretch.recording) for where, _ in moments.values()):
+            continue
         q, r = stretch.taken, stretch.left
-        s = np.stack([_shapes(c, stretch) for c in own])
+        s = _shapes(candidate, stretch, {key: moment for key, (_, moment) in moments.items()})
         s = s - (s @ q) @ q.T
-        s = s / np.maximum(np.linalg.norm(s, axis=2, keepdims=True), 1e-9)
-        gram = s @ np.swapaxes(s, 1, 2) + 1e-6 * np.eye(s.shape[1])
-        right = s @ r
-        found = np.einsum("ki,ki->k", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
-        explained += found / max(float(r @ r), 1e-12)
-    return explained
+        # Each stretch weighs alike, however much is left in it.
+        energy = max(float(r @ r), 1e-12)
+        gram, right = gram + s @ s.T / energy, right + s @ r / energy
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-18))
+    matrix, right = gram / np.outer(size, size) + 1e-6 * np.eye(len(size)), right / size
+    return float(right @ np.linalg.solve(matrix, right))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,18 +229,13 @@ class _Mode:
         return out
 
 
-def _shapes(candidate: Candidate, stretch: _Stretch) -> NDArray[np.float64]:
-    """What an effect adds to a reading, in any unit, `(shape, sample)`."""
+def _shapes(candidate: Candidate, stretch: _Stretch, moments: Mapping[str, float]) -> NDArray[np.float64]:
+    """What an effect adds to a reading, in any unit, `(shape, sample)`; its moments are times since the start."""
     values, axis, y = candidate.values, stretch.axis, stretch.y
-
-    def is_after(key: str) -> NDArray[np.bool_]:
-        moment = float(values[key])
-        return axis.t >= (moment - stretch.begins if moment >= stretch.begins else moment)
-
-    if "time" in values:
-        return is_after("time").astype(float)[None]
-    if "start" in values:
-        return axis.response((is_after("start") & ~is_after("stop")).astype(float))[None]
+    if "time" in moments:
+        return (axis.t >= moments["time"]).astype(float)[None]
+    if "start" in moments:
+        return axis.response(((axis.t >= moments["start"]) & (axis.t < moments["stop"])).astype(float))[None]
     if "end" in values:
         beyond = y - float(values["position"])
         return axis.response(np.maximum(beyond if values["end"] == "high" else -beyond, 0.0))[None]

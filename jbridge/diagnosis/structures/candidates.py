@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.setting import Setting
-from ...model.effects.base import AXIS_OF_SITE, SITES, Scene, Seed
+from ...model.effects.base import AXIS_OF_SITE, MOMENTS, SITES, Scene, Seed
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.fields import options_of
 from ...model.parameters import ParameterTable
@@ -24,7 +24,7 @@ SITE_OF_NUMBER = {
 """Numbers that a rig's owner may know wrong, by the site where they act. Gravity is not among them."""
 
 
-_ELSEWISE = frozenset({"time", "start", "stop", "period", "phase", "position", "rest", "velocity", "exponent"})
+_ELSEWISE = MOMENTS | {"period", "phase", "position", "rest", "velocity", "exponent"}
 """Keys that say when, where or how fast an effect acts."""
 
 

@@ -16,7 +16,7 @@ from ...identification.estimation import Problem, engine_for
 from ...identification.scene import scene_of
 from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting
-from ...model.effects.base import AbstractHysteresis, AbstractMechanism
+from ...model.effects.base import MOMENTS, AbstractHysteresis, AbstractMechanism
 from ...model.effects.catalogue import CATALOGUE, make_effect
 from ...model.effects.fields import parameters_of
 from ...model.effects.motors import SpeedDrive
@@ -39,7 +39,7 @@ def is_apart(kind: str) -> bool:
 def happens_once(kind: str) -> bool:
     """Whether an effect is an event with a time of its own, which no other stretch of the recordings tells of."""
     cls = CATALOGUE.get(kind)
-    return cls is not None and bool({"time", "start"} & set(parameters_of(cls)))
+    return cls is not None and bool(MOMENTS & set(parameters_of(cls)))
 
 
 def looks_like(effect: Name, plainer: Name) -> bool:

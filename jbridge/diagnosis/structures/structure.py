@@ -149,6 +149,13 @@ def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
     return first
 
 
+def serves_as_well(problem: Problem, now: Structure, then: Structure) -> bool:
+    """Whether another model, which the criterion hardly tells from this one, has a plainer effect in the place of one
+    that looks like it."""
+    near = then.value < now.value + math.log(1.0 / CRITERIA.apart)
+    return near and _is_plainer(then, now) and not accepts(problem, then, now)
+
+
 def _is_plainer(one: Structure, other: Structure) -> bool:
     """Whether two models differ by one effect, and that of the other looks like this one's."""
     own, theirs = set(one.names) - set(other.names), set(other.names) - set(one.names)

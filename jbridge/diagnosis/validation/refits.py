@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from ...identification.estimation import Problem, engine_for
 from ...identification.sensitivity.engine import Engine
+from ...identification.setting import Setting, moments_of
 from ...identification.solver import Point, Start
 from ...model.effects.catalogue import CATALOGUE
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
+from ...recordings import Recording
 from ..structures.candidates import WRONG_VALUE
 from ..structures.space import Name, is_apart
 from ..structures.structure import Structure
@@ -144,6 +146,14 @@ def _free(table: ParameterTable, places: NDArray[np.int64], left: Sequence[Name]
         if (WRONG_VALUE, entry.group) not in left and owner_of(entry.group) not in left:
             out.append(entry.name)
     return out
+
+
+def recording_of(setting: Setting, model: Fixed, name: Name) -> Recording | None:
+    """The one recording in which an effect acts, if it does in one alone."""
+    table = model.table
+    moments = [place for place in moments_of(table) if owner_of(table.entry(place).name) == name]
+    found = [setting.when(float(model.point.vector[place]))[0] for place in moments]
+    return next((recording for recording in found if recording is not None), None)
 
 
 def _contains(one: Name, other: Name) -> bool:

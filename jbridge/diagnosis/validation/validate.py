@@ -20,7 +20,6 @@ from ...identification.evaluation.judge import Judge, make_judge
 from ...identification.evaluation.repeats import scatter
 from ...identification.likelihood import Likelihood, likelihood
 from ...identification.setting import Setting
-from ...model.effects.base import MOMENTS
 from ...recordings import Recording
 from ..criteria import CRITERIA
 from ..structures.space import Name
@@ -28,7 +27,7 @@ from ..structures.structure import Structure, prediction_gap
 from .confirmation import Checked, check_effect, explained_by_channel, one_second
 from .holdout import HoldOut
 from .own_numbers import Apart, own_numbers
-from .refits import Fixed, of_its_own, refitted
+from .refits import Fixed, of_its_own, recording_of, refitted
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,10 +54,10 @@ class Validation:
     """Of repeated inputs, by horizon."""
     apart: tuple[Apart, ...] = ()
     """Recordings that ask for a number of their own."""
-    happened: tuple[Name, ...] = ()
-    """Effects that act in one of the other recordings alone, of which the hold-out has no say,"""
-    alone: tuple[Evaluation, ...] = ()
-    """and the model as given beside nothing but these, on the hold-out and on the others."""
+    events: tuple[Name, ...] = ()
+    """Effects that act in one of the other recordings alone, of which the hold-out tells nothing,"""
+    with_events: tuple[Evaluation, ...] = ()
+    """and the model as given beside these, on the hold-out and on the others, where nothing else is confirmed."""
 
     @property
     def confirmed(self) -> tuple[Checked, ...]:
@@ -85,7 +84,7 @@ class Validation:
         met = worst <= CRITERIA.met
         if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
             return "missing_physics", met
-        if not self.confirmed and self.worst(self.alone or (self.before, self.train_before))[0] <= CRITERIA.met:
+        if not self.confirmed and self.worst(self.with_events or (self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
         return "unknown", False
 
@@ -133,12 +132,7 @@ def validate(
             apart=_apart(problem, holdout, given, tell, deadline),
         )
     every, left_out, refuted = final, list[Name](), list[Name]()
-    happened = [name for name in every.names if _is_of_one(setting, every, name)]
-    alone = before, train_before
-    if happened:
-        others = [name for name in every.names if name not in happened]
-        model = refitted(problem, every, base, others) if others else every
-        alone = judge.evaluate(model.plant, model.engine), own.evaluate(model.plant, model.engine)
+    events = _of_one(setting, every)
     complete = judge.evaluate(final.plant, final.engine)
     beside, criterion = complete, likelihood(complete.data, complete.windows, complete.left)
     blocks = _blocks(setting, complete)
@@ -147,7 +141,7 @@ def validate(
     # Of two effects of which either would do, neither is missed: the one that is missed least goes, and the others are
     # judged without it, those in doubt first.
     while time.monotonic() < deadline or not judged:
-        due = [n for n in every.names if n not in happened and n not in left_out]
+        due = [n for n in every.names if n not in events and n not in left_out]
         due = [n for n in due if judged_without.get(n) != len(left_out)]
         due = [n for n in due if n not in judged or judged[n].status != "confirmed"] or due
         if not due:
@@ -180,10 +174,15 @@ def validate(
         reduced = refitted(problem, every, base, doubtful)
         sure = judge.evaluate(reduced.plant, reduced.engine)
     learned = own.evaluate(every.plant, every.engine)
+    with_events = before, train_before
+    if events and not any(c.status == "confirmed" for c in judged.values()):
+        others = [name for name in every.names if name not in events]
+        model = refitted(problem, every, base, others) if others else every
+        with_events = judge.evaluate(model.plant, model.engine), own.evaluate(model.plant, model.engine)
     return Validation(
         checked=(
             *sorted(judged.values(), key=lambda c: -(c.explained or 0.0)),
-            *(Checked(name, "event", None, 0.0) for name in happened),
+            *(Checked(name, "event", None, 0.0) for name in events),
         ),
         given=given,
         final=final,
@@ -195,18 +194,8 @@ def validate(
         learned=explained_by_channel(train_before, learned),
         scatter=_scatters(problem, holdout, before),
         apart=_apart(problem, holdout, final, tell, deadline),
-        happened=tuple(happened),
-        alone=alone,
-    )
-
-
-def _is_of_one(setting: Setting, model: Fixed, name: Name) -> bool:
-    """Whether an effect acts in one recording alone."""
-    return any(
-        setting.when(float(model.point.vector[place]))[0] is not None
-        for group, places in model.table.of_site(name[1]).items()
-        if group.rpartition(".")[2] in MOMENTS and group.split("@")[0] == name[0]
-        for place in places
+        events=events,
+        with_events=with_events,
     )
 
 
@@ -230,7 +219,8 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
     final = of_its_own(problem, found)
     before = own.evaluate(base.plant, base.space.engine)
     after = own.evaluate(final.plant, final.engine)
-    checked = tuple(Checked(name, "suggested", None, 0.0) for name in found.names)
+    events = _of_one(problem.setting, final)
+    checked = tuple(Checked(n, "event" if n in events else "suggested", None, 0.0) for n in found.names)
     return Validation(
         checked=checked,
         given=of_its_own(problem, base),
@@ -242,7 +232,13 @@ def unopened(problem: Problem, base: Structure, found: Structure) -> Validation:
         explained={},
         learned={},
         scatter={},
+        events=events,
     )
+
+
+def _of_one(setting: Setting, model: Fixed) -> tuple[Name, ...]:
+    """The effects that act in one recording alone."""
+    return tuple(name for name in model.names if recording_of(setting, model, name) is not None)
 
 
 def _blocks(setting: Setting, run: Evaluation) -> NDArray[np.int64]:

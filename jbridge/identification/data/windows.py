@@ -42,8 +42,10 @@ class Course(eqx.Module):
     override_at: Float[Array, " parameter"]
     """1 where the recording sets a parameter of its own,"""
     override_to: Float[Array, " parameter"]
-    begins: Float[Array, " parameter"]
-    """When its run begins on the clock of a moment [s], see `Setting.day`; infinite for all other parameters."""
+    starts: Float[Array, " parameter"]
+    """When its run starts on the clock of events [s], at the places of moments, see `Setting.slot`; else infinite."""
+    early: Float[Array, ""]
+    """How long before that its slot begins [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,8 +217,14 @@ def rounded(count: int) -> int:
     return -(-count // unit) * unit
 
 
-def course(
-    g: Grid, samples: int, history: float, period: float, override: Mapping[int, float], begins: NDArray[np.float64]
+def course(  # noqa: PLR0913
+    g: Grid,
+    samples: int,
+    history: float,
+    period: float,
+    override: Mapping[int, float],
+    starts: NDArray[np.float64],
+    early: float,
 ) -> Course:
     """A recording's inputs as the engine wants them.
 
@@ -226,7 +234,7 @@ def course(
         history: time before the first sample [s] whose inputs a delay or a lag still feels.
         period: of the intervals before, where none were recorded [s].
         override: the recording's own parameters, by place.
-        begins: when its run begins on the clock of each parameter [s].
+        starts, early: see `Course`.
     """
     earlier = max(1, math.ceil(history / period))
     dt, u, before = np.zeros(samples - 1), np.zeros((earlier + samples - 1, 2)), np.full(earlier, period)
@@ -239,12 +247,12 @@ def course(
         for axis, column in ((0, 0), (2, 1)):
             if _under_way(g, axis):
                 u[:earlier, column] = g.u[0, column]
-    at, to = np.zeros(len(begins)), np.zeros(len(begins))
+    at, to = np.zeros(len(starts)), np.zeros(len(starts))
     for place, value in override.items():
         at[place], to[place] = 1.0, value
     begun, moving = np.asarray(float(g.recording.begun)), [np.asarray(float(moves)) for moves in g.active]
     begun, dt, u, before, moving = jax.device_put((begun, dt, u, before, moving))
-    return Course(Lane(begun, dt, u, before, Axes(*moving)), *jax.device_put((at, to, begins)))
+    return Course(Lane(begun, dt, u, before, Axes(*moving)), *jax.device_put((at, to, starts, np.asarray(early))))
 
 
 def _under_way(g: Grid, axis: int) -> bool:

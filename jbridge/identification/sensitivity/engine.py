@@ -31,8 +31,6 @@ _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
 _LANES = 8
 """Most simulations of a call. They share the cost of a step; more gain nothing."""
-_TANGENT_LANES = 8
-"""The same where tangents are wanted, of which each simulation has a dozen or two."""
 _DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
 """Changes by which derivatives are taken as differences, over a number and at least."""
 _ROOM = 2**21
@@ -160,13 +158,13 @@ class Engine:
             self._tangents(jobs[first : first + abreast], complete)
 
     def _tangents(self, jobs: Sequence[Job], take: Callable[[int, Sensitivity], None]) -> None:
-        """Those of jobs that are in memory at the same time."""
+        """Tangents of jobs whose columns are in memory at the same time."""
         parts, width = [], self._width
         for i, job in enumerate(jobs):
             edges = range(0, max(len(job.free), 1), width)
             parts += [(i, job.free[a : a + width]) for a in edges]
         room = _CALL // ((width + len(self._moving)) * 3 * self.samples)
-        lanes = max(1, min(self.lanes, _TANGENT_LANES, room))
+        lanes = max(1, min(self.lanes, room))
         # Those with the same columns side by side, since a call computes the effects of all of its parts.
         parts.sort(key=lambda part: part[1].tolist())
         none = np.zeros((3, self.samples))

@@ -118,8 +118,8 @@ def _readings(table: ParameterTable, lanes: Lanes, steps: Steps, moved: Array | 
     """Readings of all lanes, where windows begin moved by `moved` [m, rad, m and per second]."""
 
     def one(vector: Array, course: Course, restart: Array, states: Array) -> Array:
-        # What happens in another recording lies behind the end of this one.
-        vector = jnp.where(vector >= course.begins, vector - course.begins, vector)
+        # What happens in another recording lies far before this one's start or behind its end.
+        vector = jnp.where(vector >= course.starts - course.early, vector - course.starts, vector)
         plant = table.unravel(jnp.where(course.override_at > 0, course.override_to, vector), fitted=True)
         plant = Plant(plant.bridge, plant.effects, lanes.present)
         return _simulated(plant, course.lane, restart, states, steps, moved)

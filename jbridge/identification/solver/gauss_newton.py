@@ -4,7 +4,7 @@ Each start has parameters and, for every window, an initial state. The criterion
 (iteratively reweighted least squares); initial states are eliminated window by window (variable projection), so that
 the damped and bounded step is one in the parameters alone. After a step each window keeps the initial state that meets
 it better, the moved one or the former, so that a window whose initial state lies in another basin holds up no other.
-Tangents cost most of a step, so they serve for the next ones as long as these gain what they promise.
+Tangents cost most of a step, so they serve for the next ones as long as these gain half of what the parameters promise.
 """
 
 import dataclasses
@@ -46,7 +46,7 @@ class Limits(NamedTuple):
     """When a fit ends."""
 
     iterations: int
-    """Most steps of each start."""
+    """Most steps of each start; those along the tangents of an earlier one count a quarter."""
     tolerance: float = 0.1
     """A fit is done when a step gains less than this [nat], or a thousandth of that per unit of the criterion; once its
     parameters promise less, when a step gains less than ten times as much."""
@@ -78,8 +78,8 @@ def solve(
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
-    left = np.full(len(starts), float(limits.iterations))
-    active = left > 0
+    remaining = np.full(len(starts), float(limits.iterations))
+    active = remaining > 0
     held: list[Held] = [{} for _ in starts]
     size = sum(len(start.free) + STATES for start in starts) * 3 * data.samples * len(data.tilings)
     while active.any() and time.monotonic() < limits.until:
@@ -92,7 +92,7 @@ def solve(
             weight = likelihood.weights(points[i].square)
             promise = _promise(engine.table, normal, weight, likelihood.prior, points[i])
             points[i] = dataclasses.replace(points[i], promise=promise)
-            left[i] -= _ALONG if is_old[i] else 1.0
+            remaining[i] -= _ALONG if is_old[i] else 1.0
         while waiting:
             trials = []
             for i, normal in waiting.items():
@@ -120,10 +120,10 @@ def solve(
                     if not stiff and damping[i] < 1e2:
                         after[i] = normal
                         continue
-                if not (on and gain > _SERVES * promise):
+                if not (on and len(new.free) and gain > _SERVES * promise):
                     held[i].clear()
                 # Only new tangents tell whether it has arrived.
-                active[i] = left[i] > 0 and (on or is_old[i])
+                active[i] = remaining[i] > 0 and (on or is_old[i])
             waiting = after
     return [dataclasses.replace(point, left=()) for point in points]
 
@@ -253,8 +253,9 @@ def _better_by_window(
     square = np.where(better[:, None], other.square, point.square)
     left = []
     for k, (own, theirs) in enumerate(zip(point.left, other.left, strict=True)):
-        mine = own.copy()
-        for w in np.flatnonzero(better & (windows.tiling == k)):
+        chosen = np.flatnonzero(better & (windows.tiling == k))
+        mine = own.copy() if len(chosen) else own
+        for w in chosen:
             samples = slice(windows.begin[w], windows.stop[w])
             mine[samples] = theirs[samples]
         left.append(mine)

@@ -10,7 +10,7 @@ from ..data.windows import Data
 from ..likelihood import Index, Likelihood
 from ..sensitivity.engine import Engine, Job, Sensitivity
 from ..sensitivity.windowed_rollout import STATES
-from .prediction_errors import Point, residuals
+from .prediction_errors import Point, residual
 
 _REACH = 3.0
 """How far an initial value may move from its first guess, in standard deviations of the guess."""
@@ -69,7 +69,9 @@ def normal_equations(
     ]
     weights = [likelihood.weights(p.square) for p in points]
 
-    left = [p.left or residuals(engine, data, p) for p in points]
+    known = {i: p.left for i, p in enumerate(points) if p.left}
+    unknown = [n for n in range(len(jobs)) if n // count not in known]
+    predicted = dict(zip(unknown, engine.predict([jobs[n] for n in unknown]), strict=True))
 
     def take(number: int, found: Sensitivity) -> None:
         i, k = divmod(number, count)
@@ -82,9 +84,10 @@ def normal_equations(
         table = np.empty((3, n + 1 + STATES, data.samples))
         for row, column in enumerate(found.columns):
             np.multiply(column, scale, out=table[:, row if row < n else row + 1])
-        if held:
-            held[i].setdefault(k, np.stack(found.columns).astype(np.float32))
-        table[:, n] = left[i][k].T
+        if held and k not in held[i]:
+            held[i][k] = np.stack(found.columns).astype(np.float32)
+        left = known[i][k] if i in known else residual(data, k, predicted[number])
+        table[:, n] = left.T
         away = point.states[k] - tiling.states
         for start in range(0, tiling.windows, _ABREAST):
             some = slice(start, min(start + _ABREAST, tiling.windows))
@@ -98,11 +101,13 @@ def normal_equations(
             follow[:, n + 1 :, :n], follow[:, n + 1 :, n] = back, shift
             normal.products[own] = np.swapaxes(follow, 1, 2)[:, None] @ products @ follow[:, None]
 
-    new = [number for number in range(len(jobs)) if not held or number % count not in held[number // count]]
-    old = sorted({*range(len(jobs))} - {*new})
-    for number in old:
+    new = []
+    for number in range(len(jobs)):
         i, k = divmod(number, count)
-        take(number, Sensitivity(tuple(held[i][k])))
+        if held and k in held[i]:
+            take(number, Sensitivity(tuple(held[i][k])))
+        else:
+            new.append(number)
     engine.sensitivities([jobs[number] for number in new], lambda place, found: take(new[place], found))
     return out
 

@@ -45,7 +45,7 @@ AXIS_OF_SITE = {
 """The axis, and thereby the equation, that a site belongs to."""
 DRIVE_OF_AXIS = {"x": CART_DRIVE, "l": HOIST_DRIVE}
 MOMENTS = frozenset({"time", "start", "stop"})
-"""Keys of the moments of what happens once [s]."""
+"""Keys of the moments at which an event happens [s]."""
 
 
 _PLACE_UNITS = {
@@ -76,8 +76,8 @@ class Scene(eqx.Module):
     recorded: tuple[tuple[float, float], ...]
     """Beginnings and ends of the stretches of time that recordings cover, in order, since a run began [s]."""
     runs: tuple[tuple[float, float], ...]
-    """Beginning and end of each recording on the clock of what happens in one of them alone [s]; none where there is
-    but one."""
+    """Beginning and end of each recording on the common clock of events [s], of those that share time since their start
+    with others."""
     period: float
     """Median sampling period [s]."""
     length: float

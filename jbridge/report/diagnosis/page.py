@@ -69,9 +69,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     place = site_name(location.site) if was_sought(diagnosis) else "not looked for"
     if location.equation in EQUATIONS:
         place += f" ({EQUATIONS[location.equation]})"
-    named = "; ".join(effect_name(effect.kind, effect.site) for effect in diagnosis.effects)
+    lasting = [effect_name(e.kind, e.site) for e in diagnosis.effects if e.recording is None]
+    once = [f"{effect_name(e.kind, e.site)}, once, in {e.recording}" for e in diagnosis.effects if e.recording]
+    missing = lasting or ["nothing" if diagnosis.verdict == "adequate" else "not known"]
     return [
-        ("What is missing", capital(named) if named else "nothing" if diagnosis.verdict == "adequate" else "not known"),
+        ("What is missing", capital("; ".join([*missing, *once]))),
         ("Where", capital(place) if diagnosis.adequacy.alarm or location.equation in EQUATIONS else "none"),
         ("How much better, on the hold-out" if is_changed(diagnosis) else "Error on the hold-out", _worst(diagnosis)),
         ("How sure", _sure(diagnosis)),
@@ -94,7 +96,8 @@ def _next(diagnosis: Diagnosis) -> str:
         return "run it again with a larger --budget"
     if not diagnosis.complete:
         return "record more motion where the error arises"
-    return "simulate with model.toml, which has it" if diagnosis.effects else "simulate with model.toml"
+    has = any(effect.in_model for effect in diagnosis.effects)
+    return "simulate with model.toml, which has it" if has else "simulate with model.toml"
 
 
 def _worst(diagnosis: Diagnosis) -> str:
