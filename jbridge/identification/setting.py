@@ -80,7 +80,7 @@ class Setting:
 
     def when(self, moment: float) -> tuple[Recording | None, float]:
         """The one recording in which something happens, if it is one, and the time since its start [s]."""
-        number = int(moment / self.slot + 0.25) if moment >= 0.75 * self.slot else 0
+        number = int(moment / self.slot + 0.25) if 0.75 * self.slot <= moment < math.inf else 0
         own = self.recordings[min(number, len(self.recordings)) - 1]
         start = self.starts(own) if number else math.inf
         return (None, moment) if math.isinf(start) else (own, moment - start)
@@ -180,7 +180,7 @@ def setting_of(plant: Plant, recordings: Sequence[Recording], holdout: Sequence[
     masses = {name: float(getattr(plant.bridge, name)) for name in PART_OF if name.endswith("_mass")}
     masses = {name: mass for name, mass in masses.items() if mass > 0.0}
     given = [float(getattr(effect, key)) for effect in plant.effects for key in MOMENTS if hasattr(effect, key)]
-    slot = 2.0 * max(*given, *(r.begun + r.duration for r in everything), 0.0)
+    slot = 2.0 * max(*filter(math.isfinite, given), *(r.begun + r.duration for r in everything), 0.0)
     return Setting(tuple(recordings), noise, _moving(everything), units, length, masses, fine, slot)
 
 

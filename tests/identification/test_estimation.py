@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import engine_for, fit_structure, make_problem, start_of
 from jbridge.identification.setting import make_setting, setting_of
-from jbridge.identification.solver import Start
+from jbridge.identification.solver import Point, Start, gauss_newton
 from jbridge.model.files import Model
 from tests.identification.cases import (
     DRY,
@@ -133,6 +133,37 @@ def test_some_recordings_show_every_axis(axes, most, wanted):
     assert sorted({t.recording for t in some.data.tilings}) == wanted
     # A part of a part is a part.
     assert {t.recording for t in some.of_some(1).data.tilings} <= set(wanted)
+
+
+@pytest.mark.parametrize(("axes", "worst", "wanted"), [("xxxxxx", 4, [0, 2, 4]), ("xxxxxl", 3, [0, 3, 5])])
+def test_some_recordings_are_those_with_the_largest_error_among_others(axes, worst, wanted):
+    kept = {"x": ("u_x", "x"), "l": ("u_l", "l")}
+    each = [
+        make_recording(f"{i}.csv", TIMES, **{name: FULL[name] for name in kept[axis]}) for i, axis in enumerate(axes)
+    ]
+    problem = make_problem(setting_of(TRUTH, each), make_data(each))
+    square = np.where((problem.windows.recording == worst)[:, None], 100.0, 1.0) * np.ones(3)
+    point = Point(np.zeros(0), np.zeros(0, np.int64), (), square, 0.0, 0.0)
+    assert sorted({t.recording for t in problem.of_some(3, point).data.tilings}) == wanted
+
+
+def test_steps_along_earlier_tangents_lead_to_the_same_optimum(runs, monkeypatch):
+    start = scaled(cart_model(), {"cart_gain": 0.8, "cart_damping": 1.2})
+    problem = make_problem(make_setting(start, runs, []), make_data(runs))
+    _, model = fit_structure(problem, start.plant, start.known)
+    begun, found, calls = start_of(problem, model.engine, start.plant, start.known), [], []
+    sensitivities = model.engine.sensitivities
+    monkeypatch.setattr(
+        model.engine, "sensitivities", lambda jobs, take: (calls.append(len(jobs)), sensitivities(jobs, take))
+    )
+    for kept in (gauss_newton._KEPT, 0):
+        calls.clear()
+        monkeypatch.setattr(gauss_newton, "_KEPT", kept)
+        [point] = problem.solve(model.engine, [begun], 30)
+        found.append((point.value, sum(calls), point.vector[point.free]))
+    (value, few, numbers), (other, many, others) = found
+    assert few < many and value == pytest.approx(other, abs=0.3)
+    np.testing.assert_allclose(numbers, others, rtol=5e-3)
 
 
 def test_no_fit_goes_on_when_its_time_is_over(runs):

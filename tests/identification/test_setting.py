@@ -7,7 +7,7 @@ import pytest
 
 from jbridge.errors import InputError
 from jbridge.identification.scene import scene_of
-from jbridge.identification.setting import make_setting, prepared, with_a_scale
+from jbridge.identification.setting import make_setting, prepared, setting_of, with_a_scale
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.recordings import Recording
@@ -113,3 +113,21 @@ def test_what_all_recordings_set_alike_is_known():
     assert told == ("All recordings set load_mass = 0.25: it was taken for known.",)
     other = dataclasses.replace(heavy[1], override={"load_mass": 0.3})
     assert prepared(MODEL, [heavy[0], other])[0].plant.bridge.load_mass == MODEL.plant.bridge.load_mass
+
+
+def test_each_recording_has_a_slot_of_its_own_on_the_clock_of_events():
+    """By what it is, not by its name, which two may have; and later pieces of one run need none."""
+    runs = [recorded("run.csv"), recorded("run.csv"), recorded("other.csv")]
+    later = dataclasses.replace(recorded("run.csv"), begun=100.0)
+    blow = {"force": 1.0, "start": 150.0, "stop": 300.0}
+    setting = setting_of(make_plant(("wind", "swing", blow)), [*runs, later], [recorded("run.csv")])
+    # What the model file gives stays where it is.
+    assert setting.when(blow["start"]) == (None, blow["start"]) and setting.when(blow["stop"]) == (None, blow["stop"])
+    for run in runs:
+        for moment in (-1.0, 0.0, 3.9):
+            where, when = setting.when(setting.starts(run) + moment)
+            assert where is run and when == pytest.approx(moment)
+    assert setting.starts(later) == setting.starts(recorded("run.csv")) == np.inf
+    assert setting.when(4.0 * setting.slot + 1.0)[0] is None and setting.when(np.inf)[0] is None
+    alone = setting_of(make_plant(), [runs[0]])
+    assert alone.starts(runs[0]) == np.inf and alone.when(1e6) == (None, 1e6)
