@@ -163,7 +163,7 @@ def test_errors_are_those_of_a_report(tmp_path):
         return np.sqrt(np.mean(np.concatenate(left) ** 2))
 
     assert error("estimated") == pytest.approx(fitted.holdout.free_run["x"], rel=0.003)
-    assert error("first-row") > 1.3 * fitted.holdout.free_run["x"]
+    assert error("first-row") != pytest.approx(fitted.holdout.free_run["x"], rel=0.05)
 
 
 def test_a_fast_log_begins_where_its_report_does():
