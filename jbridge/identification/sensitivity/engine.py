@@ -35,10 +35,10 @@ _DIFFERENCE, _LEAST_DIFFERENCE = 1e-5, 1e-7
 """Changes by which derivatives are taken as differences, over a number and at least."""
 _ROOM = 2**21
 """Readings that wait in memory for their differences to be taken, about."""
-_CALL = 2**24
+_CALL = 2**23
 """Numbers that a call gives at most, about, unless one simulation alone has more: tangents of a recording of ten
 minutes take 100 MB, and several calls wait in memory."""
-_HELD = 2**26
+_HELD = 2**25
 """Tangents of unfinished jobs in memory, in numbers, unless one job alone has more."""
 _THREADS = max(1, min(2, os.cpu_count() or 1))
 

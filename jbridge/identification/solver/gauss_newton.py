@@ -72,20 +72,20 @@ def solve(
         starts: where to begin.
         limits: when it ends.
     """
-    points = _from_other_states(
-        engine, data, windows, likelihood, evaluate(engine, data, likelihood, starts, keep=True)
-    )
+    size = sum(len(start.free) + STATES for start in starts) * 3 * data.samples * len(data.tilings)
+    keep = size <= _KEPT
+    begun = evaluate(engine, data, likelihood, starts, keep=keep)
+    points = _from_other_states(engine, data, windows, likelihood, begun)
     damping = np.full(len(starts), _START_DAMPING)
     # Share of its Gauss-Newton step that each window's initial state takes.
     pace = np.ones((len(starts), len(windows.tiling)))
     remaining = np.full(len(starts), float(limits.iterations))
     active = remaining > 0
     held: list[Held] = [{} for _ in starts]
-    size = sum(len(start.free) + STATES for start in starts) * 3 * data.samples * len(data.tilings)
     while active.any() and time.monotonic() < limits.until:
         chosen = [int(i) for i in np.flatnonzero(active)]
         is_old = {i: bool(held[i]) for i in chosen}
-        own = [held[i] for i in chosen] if size <= _KEPT else []
+        own = [held[i] for i in chosen] if keep else []
         normals = normal_equations(engine, data, windows, likelihood, [points[i] for i in chosen], own)
         waiting = dict(zip(chosen, normals, strict=True))
         for i, normal in waiting.items():
@@ -101,7 +101,7 @@ def solve(
                 vector, step = _stepped(engine.table, normal, weight, likelihood.prior, point, damping[i])
                 moved = (normal.shift + normal.back @ step) * pace[i][:, None]
                 trials.append(Start(vector, point.free, moved_states(data, windows, point.states, moved)))
-            found = evaluate(engine, data, likelihood, trials, keep=True)
+            found = evaluate(engine, data, likelihood, trials, keep=keep)
             found, refused = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
             for (i, normal), new, no in zip(waiting.items(), found, refused, strict=True):
@@ -195,7 +195,7 @@ def _kept_where_better(
         data,
         likelihood,
         [Start(after[i].vector, after[i].free, before[i].states) for i in worse],
-        keep=True,
+        keep=bool(before[0].left),
     )
     out = list(after)
     for i, former in zip(worse, again, strict=True):
@@ -214,7 +214,7 @@ def _from_other_states(
     """
     first = tuple(t.states for t in data.tilings)
     others = [Start(p.vector, p.free, states) for p in points for states in (first, _states_of_shorter(data, p.states))]
-    found = evaluate(engine, data, likelihood, others, keep=True)
+    found = evaluate(engine, data, likelihood, others, keep=bool(points[0].left))
     out = []
     for point, *other in zip(points, found[::2], found[1::2], strict=True):
         for each in other:
