@@ -223,7 +223,7 @@ def as_recordings(recordings: Recording | Iterable[Recording]) -> tuple[Recordin
 
 
 def required(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
-    """The same.
+    """Recordings as a tuple, of which there must be one at least.
 
     Raises:
         InputError: there is none.
