@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from jbridge.diagnosis.selection.search import _Fit, _undecided
+from jbridge.diagnosis.selection.search import _Fit, _next_to, _undecided
 from jbridge.diagnosis.structures import structure as structures
 from jbridge.diagnosis.structures.structure import Structure, preferred
 from jbridge.identification.estimation import Problem
@@ -97,3 +97,16 @@ def test_what_looks_like_a_plainer_effect_yields_to_that_alone(monkeypatch):
         model.point.free = [0]
     monkeypatch.setattr(structures, "accepts", lambda _, one, other: one.value - other.value > 30.0)
     assert preferred(object.__new__(Problem), models) is models[0]
+
+
+def test_each_of_two_effects_that_are_added_together_has_its_own_runner_up():
+    """On the same axis alone; one that looks alike and is plainer comes first, and what it has by now is none."""
+    clock, offset, lag = ("clock_scale", "clock"), ("sensor_offset", "l_sensor"), ("actuator_lag", "cart_drive")
+    single = [structure(70.0, (GIVEN, clock), 0.0), structure(72.0, (GIVEN, SWING), 0.0)]
+    single += [structure(75.0, (GIVEN, offset), 0.0), structure(80.0, (GIVEN, DRIVE), 0.0)]
+    single += [structure(85.0, (GIVEN, lag), 0.0), structure(90.0, (GIVEN, CART), 0.0)]
+    best = structure(60.0, (GIVEN, clock, DRIVE), 0.0)
+    setting = object.__new__(Setting)
+    object.__setattr__(setting, "axes", ("x", "psi"))
+    found = _next_to(setting, NOW, best, [best, *single])
+    assert {new: other.names[-1] for new, other in found.items()} == {clock: offset, DRIVE: lag}

@@ -132,15 +132,17 @@ def select(
 
 
 def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
-    """The best model that adds another effect than the best one does on the same axis, by that effect; one that adds a
+    """The best model that adds another effect on the same axis, by each effect that the best one adds; one that adds a
     plainer effect, which this one looks like, comes before others."""
-    if best.names[:-1] != now.names:
-        return {}
-    new = best.names[-1]
-    others = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
-    others = [s for s in others if s.names[-1] != new and axis_of(setting, s.names[-1]) == axis_of(setting, new)]
-    plainer = [s for s in others if looks_like(new, s.names[-1])]
-    return {new: min(plainer or others, key=_value)} if others else {}
+    single = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
+    single = [s for s in single if s.names[-1] not in best.names]
+    out = {}
+    for new in best.names:
+        others = [s for s in single if axis_of(setting, s.names[-1]) == axis_of(setting, new)]
+        plainer = [s for s in others if looks_like(new, s.names[-1])]
+        if others and new not in now.names:
+            out[new] = min(plainer or others, key=_value)
+    return out
 
 
 def _smaller(
