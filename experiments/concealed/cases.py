@@ -21,7 +21,7 @@ from uncatalogued import KINDS as UNKNOWN
 HERE = Path(__file__).parent
 MASTER = {"dev": 20240607, "proof": 77310185, "wide": 50421962, "rough": 60417253, "fresh": 91350746, "laws": 30918827,
           "hybrid": 48120659, "starts": 70351192, "coasts": 83106574, "blind": 32438002,
-          "blind2": 59174336}  # fmt: skip
+          "blind2": 59174336, "blind3": 74406921}  # fmt: skip
 _SIZED = {"clutter": 60417254, "law-sizes": 30918828, "recorded": 48120660}
 """Drawn only to find sizes."""
 KNOWN = ["cart_mass", "load_mass", "winch_mass", "gravity"]
@@ -81,7 +81,7 @@ ALSO_EQUIVALENT = {
     ("cart", "sensor_delay x_sensor"): [("input_delay cart_drive", _LATE)],
 }
 """More of them, by flavour."""
-DECLARED_LATER = frozenset({"blind2"})
+DECLARED_LATER = frozenset({"blind2", "blind3"})
 """Parts with these answers; those that were sealed before keep the seals of their truths."""
 UNKNOWN_AXES = {"lift": ["swing", "hoist"]}
 """Where more than one equation feels an effect that has no name."""

@@ -298,3 +298,11 @@ for half, names, errors in (
     ]
 """Each at three sizes, clean and in clutter; a start that is late by less than some ten times the noise is late by less
 than anyone would call a delay."""
+HALVES["blind3"] = [
+    *(_singles((5, 10, 20))[3 * i + (i + 2) % 3] for i in range(0, 28, 2)),
+    *_several(24, 2)[5::6],
+    *_several(10, 3)[3::5],
+    *NULLS[2::4],
+    *(HALVES["laws"][6 * i + i % 6] for i in range(len(LAWS))),
+]
+"""The other sizes, and the laws that real rigs asked for, for a third version."""
