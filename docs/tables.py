@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("docs/results.md", "docs/export.md")
+PAGES = ("docs/results.md", "docs/real-rigs.md", "docs/export.md")
 FIRST_ONLY = {"tuning-from-recordings"}
 """Tables of several sections of which a page shows the first."""
 

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
-from tables import AGAIN, LISTED, PROBABILITIES, SEVERITIES, cases, table, wilson, with_probability
+from tables import AGAIN, LISTED, PROBABILITIES, SEVERITIES, cases, parts, table, wilson, with_probability
 
 plt.style.use("jbridge.report.figures.common")
 
@@ -157,9 +157,12 @@ def draw(folder: Path) -> None:
     beside = folder / "data" / "concealed-rivals.json"
     rivals = json.loads(beside.read_text()) if beside.exists() else None
     (folder / "concealed-table.md").write_text(table(halves, rivals))
+    listed = {}
     for part, name in LISTED.items():
         data = folder / "data" / f"concealed-{part}.json"
         if data.exists() and (rows := json.loads(data.read_text())["rows"]):
+            listed[name] = rows
             (folder / f"concealed-{name}.md").write_text(cases(rows))
+    (folder / "concealed-parts.md").write_text(parts(listed))
     confusion(halves.get("proof", halves.get("dev", {})), folder / "concealed-confusion.png")
     reliability(halves, folder / "concealed-reliability.png")

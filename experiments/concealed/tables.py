@@ -133,7 +133,7 @@ def misses(rows: list[dict]) -> list[str]:
 FRESH = "; `fresh` came last, each case once"
 PRESENT = "present"
 """Name of the rows of today's version, of any part."""
-LISTED = {PRESENT: "cases", "blind": "blind", "blind2": "blind2"}
+LISTED = {PRESENT: "cases", "blind": "blind", "blind2": "blind2", "blind3": "blind3"}
 """What is listed case by case, and the name of its list."""
 AGAIN = "fresh-again"
 """Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""
@@ -267,29 +267,50 @@ def comparison(rows: list[dict]) -> list[tuple[str, str]]:
     ]
 
 
+def parts(listed: dict[str, list[dict]]) -> str:
+    """One row for each part: how often the first name, the set and the verdict are right.
+
+    Args:
+        listed: rows by the name of their list; a list of several parts has a row for each.
+    """
+    lines = [
+        "# Concealed cases, by part",
+        "",
+        "Shares come with counts and 95 % Wilson intervals; an equivalent that was declared beforehand counts as right,",
+        "and a false alarm is an effect that is named where nothing is hidden.",
+        "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
+        "",
+        "| part | cases | right name first | exact set | right verdict | confirmed names right | false alarms "
+        "| s, median (longest) | version |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, rows in listed.items():
+        for part in dict.fromkeys(row["id"].rpartition("-")[0] for row in rows):
+            own = [row for row in rows if row["id"].startswith(f"{part}-")]
+            hidden = [r for r in own if r["true_verdict"] == "missing_physics"]
+            nulls = [r for r in own if r["true_verdict"] == "adequate"]
+            counts = [sum(len(r["claimed"]) for r in own), sum(r["claims_right"] for r in own)]
+            seconds = [r["wall"] for r in own]
+            codes = sorted({(r.get("code") or "-")[:7] for r in own})
+            link = f"[{part}](concealed-{name}.md)"
+            lines.append(
+                f"| {link} | {len(own)} | {share(hidden, 'first_right')} | {share(hidden, 'set_right')} "
+                f"| {share(own, 'verdict_right')} | {counts[1]} of {counts[0]} "
+                f"| {sum(r['detected'] for r in nulls)} of {len(nulls)} "
+                f"| {median(seconds):.0f} ({max(seconds):.0f}) "
+                f"| {codes[0] if len(codes) == 1 else f'{len(codes)} versions'} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
 def cases(rows: list[dict]) -> str:
     """A list of cases, one a row: what was concealed, what was said, and what that left."""
-    known = [r for r in rows if r["true_verdict"] == "missing_physics"]
-    seconds = [r["wall"] for r in rows]
-    claims, right = sum(len(r["claimed"]) for r in rows), sum(r["claims_right"] for r in rows)
-    nulls = [r for r in rows if r["true_verdict"] == "adequate"]
-    alarms = [f"Of {len(nulls)} with nothing hidden, {sum(r['detected'] for r in nulls)} raise a false alarm."]
     lines = [
         "# Case by case",
         "",
-        f"{len(rows)} cases, {len(known)} of them with a hidden effect of the catalogue: the one named first is right",
-        f"or a declared equivalent in {share(known, 'first_right')},",
-        f"the confirmed set is exact in {share(known, 'set_right')},",
-        f"the verdict is right in {share(rows, 'verdict_right')};",
-        f"{right} of {claims} confirmed names are right or equivalent. Names in brackets were not confirmed.",
-        *(alarms if nulls else ()),
-        f"Time: median {median(seconds):.0f} s, longest {max(seconds):.0f} s.",
-        "Shares come with counts and 95 % Wilson intervals.",
-        "",
-        "Equivalents are what recordings cannot distinguish, declared beforehand: a constant force and Coulomb",
-        "friction are friction by direction. Errors are those of free runs of whole recordings over the noise, as a",
+        "Names in brackets were not confirmed. Errors are those of free runs of whole recordings over the noise, as a",
         "root mean square over channels; verdicts go by windows of 1 s, so that an error may rise beside a right name.",
-        "Redrawn by `run.py --figures`; do not edit.",
+        "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
         "",
         "| case | concealed | verdict | named | hold-out error over the noise | s | version |",
         "|---|---|---|---|---|---|---|",

@@ -453,13 +453,10 @@ def test_the_list_of_cases_says_what_was_concealed_and_named():
         score(truth_of([DELAY]), report_of("adequate", "none"))
         | {"wall": 50.0, "status": 0, "before": 7.0, "after": 7.0},
     ]
-    page = tables.cases(rows)
-    assert (
-        "right\nor a declared equivalent in 50 % (1/2" in page
-        and "median 40 s, longest 50 s" in page
-        and "1 of 1 confirmed" in page
-    )
-    first, second = page.splitlines()[-2:]
+    [row] = tables.parts({"cases": [r | {"id": f"rough-0{k}"} for k, r in enumerate(rows)]}).splitlines()[-1:]
+    assert row.startswith("| [rough](concealed-cases.md) | 2 | 50 % (1/2; ")
+    assert "| 1 of 1 | 0 of 0 | 40 (50) |" in row
+    first, second = tables.cases(rows).splitlines()[-2:]
     assert "`missing physics` | input delay cart drive | 7 to 1.1 | 30 |" in first
     assert "`adequate` | nothing | 7 to 7 | 50 |" in second
 

@@ -14,7 +14,7 @@ from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import Candidate
 from ..structures.space import Name
-from ..structures.structure import Structure
+from ..structures.structure import Structure, leaves_nothing
 from .moves import TRIAL, Move, axis_of, better_of, contained, with_effects
 from .screening import AmongAll, screened
 
@@ -54,11 +54,21 @@ def added(
         return [], []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
 
+    def of_numbers(candidate: Candidate, free: NDArray[np.int64]) -> float:
+        return unit * min(len(free) - len(there.free), 2 * len(candidate.free))
+
     def price(candidate: Candidate, free: NDArray[np.int64]) -> float:
-        return unit * min(len(free) - len(there.free), 2 * len(candidate.free)) + choice[candidate.name]
+        return of_numbers(candidate, free) + choice[candidate.name]
 
     # Of two that meet the recordings as well, the one with fewer numbers comes first.
     chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
+    if leaves_nothing(problem, now):
+        # Beside noise alone windows are quadratic as the screen takes them, and what does not pay for its numbers there
+        # needs no fit.
+        given = None
+        chosen = [(v, c, start) for v, c, start in chosen if there.value - v > of_numbers(c, start.free)]
+        if not chosen:
+            return [], []
     low = problem.shortest().of_recordings(part.recordings)
     states = low.states_with(problem.states_of(now.point.states, low), part, there.states)
     [short] = low.evaluate(space.engine, [Start(there.vector, there.free, states)])

@@ -5,8 +5,7 @@ screen (the criterion on the quadratic model of every window), the best are refi
 of these are fitted to all windows, and the best move is made: an effect is added or replaced by a rival, or a known
 number is set free; but first what does with fewer numbers takes the place of the model, without an effect or with a
 simpler law. A move to more numbers takes the place of one to fewer only if it gains steadily. Every fit climbs from
-short windows, which are nearly linear, to long ones. The search ends when no move lowers the criterion, or when every
-channel is met.
+short windows, which are nearly linear, to long ones. The search ends when no move lowers the criterion.
 """
 
 import dataclasses
@@ -104,7 +103,7 @@ def select(
             # A law that does with fewer numbers, or a plainer one, is no rival of what may be added to it.
             simpler = [s for s in found if len(s.point.free) < len(now.point.free) and accepts(problem, now, s)]
             simpler += [s for s in found if serves_as_well(problem, now, s)]
-            if not simpler and not leaves_nothing(problem, now):
+            if not simpler:
                 found += _larger(problem, base, now, None if number else given, seen)
         except KeyboardInterrupt:
             stopped = "interrupted"
@@ -201,7 +200,7 @@ def _larger(
         moves, later = later[:AT_ONCE], later[AT_ONCE:]
     if problem.is_late:
         return found
-    if not good:
+    if not good and not leaves_nothing(problem, now):
         moves = paired(problem, part, now, among, shared, choice)
         tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
         found += tried
@@ -214,7 +213,7 @@ def _larger(
         best = joined
     # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
     # simpler leaves nothing.
-    if best is None or (given is not None and not leaves_nothing(problem, best)):
+    if (best is None or given is not None) and not leaves_nothing(problem, best or now):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, best)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)

@@ -137,14 +137,14 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
 
 
 def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
-    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search. So
-    it does where an effect of it looks like a plainer one, which the other model has instead."""
+    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search, and
+    one with a plainer effect that of another which it serves as well as."""
     first, *others = sorted(models, key=lambda s: (len(s.point.free), s.value))
     for other in others:
         if accepts(problem, first, other):
             first = other
     for other in sorted(models, key=lambda s: s.value):
-        if _is_plainer(other, first) and not accepts(problem, other, first):
+        if serves_as_well(problem, first, other):
             first = other
     return first
 
