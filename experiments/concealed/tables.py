@@ -276,7 +276,7 @@ def parts(listed: dict[str, list[dict]]) -> str:
     lines = [
         "# Concealed cases, by part",
         "",
-        "Shares come with counts and 95 % Wilson intervals; an equivalent that was declared beforehand counts as right,",
+        "Shares come with counts and 95 % Wilson intervals; an equivalent that was declared counts as right,",
         "and a false alarm is an effect that is named where nothing is hidden.",
         "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
         "",
