@@ -178,6 +178,10 @@ def verdict_sentence(
         rest = f"What remains, {left}, and has no name."
         if complete:
             rest = f"What remains is {'scatter between repeated runs' if remains.over_scatter else 'noise'}."
+        if not proven:
+            are, them = ("is", "it") if len(sure) == 1 else ("are", "them")
+            small = f"but small: without {them} the error at 1 s is hardly more than noise"
+            return f"{lead}: {listed(sure)} {are} confirmed by the hold-out, {small}. {rest}{late}"
         return f"{lead}: {listed(sure)} {explain} {_shares(proven)}. {rest}{late}"
     if sure:
         return (

@@ -58,6 +58,11 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=
             said("missing_physics", [FRICTION], {"x": 0.98, "psi": -0.1, "l": 0.3}),
             "explains 98 % (cart position), nothing (swing angle) and 30 % (rope length) of the hold-out's error",
         ),
+        (
+            said("missing_physics", [FRICTION], {}, complete=True),
+            "Coulomb friction at the cart is confirmed by the hold-out, but small: without it the error at 1 s is "
+            "hardly more than noise. What remains is noise.",
+        ),
         (said("unknown", [FRICTION], -0.98), "explains nothing of the hold-out's error at 1 s"),
         (said("missing_physics", [FRICTION, MASS]), "explain 96.2 %"),
         (said("missing_physics", [MASS]), "A known number is wrong: the load mass, which comes out as 0.2 ± 0.02 kg"),

@@ -82,7 +82,8 @@ class Validation:
         """The verdict, and whether what remains is noise or measured scatter."""
         worst, *_ = self.worst((self.after, self.train_after))
         met = worst <= CRITERIA.met
-        if self.confirmed and max(self.explained.values(), default=0.0) > CRITERIA.named:
+        # Where no error exceeds the noise, there is no share: what the hold-out confirms is small, and all of it.
+        if self.confirmed and max(self.explained.values(), default=1.0) > CRITERIA.named:
             return "missing_physics", met
         if not self.confirmed and self.worst(self.with_events or (self.before, self.train_before))[0] <= CRITERIA.met:
             return "adequate", True
