@@ -224,6 +224,32 @@ def test_pictures_are_part_of_the_page(tmp_path):
     assert all(image["src"].startswith("data:image/png;base64,") and image["alt"] for image in images)
 
 
+@pytest.mark.slow
+def test_a_page_of_many_long_recordings_can_be_mailed(tmp_path):
+    """Noise, which no compression makes small, on every channel of three times as many rows as a screen shows."""
+    rng, (given, *_) = np.random.default_rng(0), cases.traces()
+    times, fields = (
+        np.arange(6_000) * 5e-3,
+        [f.name for f in dataclasses.fields(given) if f.name not in "recording role"],
+    )
+
+    def noisy(values):
+        return np.resize(values[np.isfinite(values)], times.size) + 0.1 * rng.standard_normal(times.size)
+
+    long = [
+        dataclasses.replace(
+            given,
+            recording=f"run-{number}.csv",
+            role="train" if number < 3 else "holdout",
+            times=times,
+            **{f: {key: noisy(values) for key, values in getattr(given, f).items()} for f in fields if f != "times"},
+        )
+        for number in range(8)
+    ]
+    page = save_report(tmp_path, dataclasses.replace(cases.unknown(), traces=tuple(long)))
+    assert page.stat().st_size < 3_000_000
+
+
 def test_saved_model_is_read_back(tmp_path, no_figures):
     save_report(tmp_path, cases.missing_physics())
     model = load_model(tmp_path / "model.toml")
