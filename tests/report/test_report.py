@@ -284,6 +284,25 @@ def test_what_is_left_open_is_shown_and_said():
     assert "Unseen" not in text and "Continued" not in text and "Record next" not in text
 
 
+def test_the_first_screen_hides_no_contradiction():
+    """An effect that most windows confirm, though the sum of squares shows none of it; a channel that is met worse."""
+    full = cases.missing_physics()
+    (dead, friction), (before, after) = full.effects, (full.holdout_before, full.holdout_after)
+    worse = dataclasses.replace(after, free_run={**after.free_run, "psi": 2.0 * before.free_run["psi"]})
+    page = diagnosis_page(dataclasses.replace(full, holdout_after=worse), Gallery())
+    assert "worse in swing angle psi: 1.95° to 3.90°" in page and "worse in" not in diagnosis_page(full, Gallery())
+    for share, said in (
+        (0.4, "dead zone, cart drive: confirmed by the hold-out, probability 97 %"),
+        (
+            -0.4,
+            "cart drive: confirmed by most windows of the hold-out, though not by those with the largest errors, prob",
+        ),
+    ):
+        effects = (dataclasses.replace(dead, explained=share), friction)
+        page = diagnosis_page(dataclasses.replace(full, effects=effects), Gallery()).replace("\u00a0", " ")
+        assert said in page and "-40 %" not in page
+
+
 def test_what_an_earlier_report_left_is_removed_and_nothing_else(tmp_path):
     save_report(tmp_path, cases.brief(cases.cart_alone()))
     mine = tmp_path / "figures" / "fit-of-mine.png"
