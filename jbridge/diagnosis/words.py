@@ -184,10 +184,15 @@ def verdict_sentence(
             return f"{lead}: {listed(sure)} {are} confirmed by the hold-out, {small}. {rest}{late}"
         return f"{lead}: {listed(sure)} {explain} {_shares(proven)}. {rest}{late}"
     if sure:
-        return (
-            f"More is missing than has a name. What was found, {listed(sure)}, {explain} {_shares(proven)}; "
-            f"what remains, {left}.{late}"
-        )
+        told = f"{explain} {_shares(proven)}"
+        if proven and max(proven.values()) <= 0.0:
+            # Confirmed by the typical error, with no share of the sum of squares.
+            are, without = ("is", "it") if len(sure) == 1 else ("are", "them")
+            told = (
+                f"{are} confirmed, since most windows of the hold-out are met worse without {without}, but {told}: the "
+                "windows with the largest errors, which make up most of the sum of squares, are met no better"
+            )
+        return f"More is missing than has a name. What was found, {listed(sure)}, {told}; what remains, {left}.{late}"
     found = [e for e in effects if e.recording is None]
     if found and max(learned.values(), default=0.0) > CRITERIA.named:
         explain, them = ("explains", "it") if len(found) == 1 else ("explain", "them")

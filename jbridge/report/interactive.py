@@ -39,28 +39,51 @@ def _recording(trace: Trace, units: Mapping[str, str], changed: bool) -> dict[st
     runs = {"recorded": trace.measured, **({"before": trace.before} if changed else {}), "after": trace.after}
     panels = []
     for channel in CHANNELS:
-        factor, unit = (_DEGREES, "°") if channel == "psi" else (1.0, "m")
+        factor, unit, decimals = (_DEGREES, "°", 4) if channel == "psi" else (1.0, "m", 6)
         curves = [
-            {"label": role, "role": role, "values": _numbers(factor * run[channel][every])}
+            {"label": role, "role": role, "values": _numbers(factor * run[channel][every], decimals)}
             for role, run in runs.items()
             if channel in run
         ]
         if curves:
-            panels.append({"label": f"{CHANNELS[channel]} [{unit}]", "curves": curves})
+            scale = error_scale(channel)
+            residual = {"label": f"residual [{scale.unit}]", "factor": scale.factor / factor}
+            label = f"{CHANNELS[channel]} [{unit}]"
+            panels.append({"label": label, "channel": channel, "curves": curves, "residual": residual})
     for name, values in trace.inputs.items():
         curve = {"label": name, "role": "recorded", "values": _numbers(values[every])}
         panels.append({"label": f"{name} [{pretty_unit(units.get(name, 'V'))}]", "curves": [curve]})
-    x, l = (_finite(trace.measured.get(name)) for name in ("x", "l"))
     return {
         "name": f"{trace.recording} ({'hold-out' if trace.role == 'holdout' else 'training'})",
         "t": _numbers(trace.times[every]),
         "panels": panels,
-        "motion": {
-            role: {name: _numbers(run[name][every]) for name in CHANNELS if name in run} for role, run in runs.items()
-        },
-        "reach": {"x": [float(x.min()), float(x.max())] if x.size else [0.0, 1.0], "l": float(l.max(initial=0.3))},
-        "swings": "psi" in trace.measured,
+        "scene": _scene(trace),
     }
+
+
+def _scene(trace: Trace) -> dict[str, Any]:
+    """The length of the rope [m], null where there is none, and the box that the motion of pivot and load fills [m].
+
+    Simulations widen the box by half of its size at most: one that runs away leaves the scene.
+    """
+    hangs = "psi" in trace.measured or "l" in trace.measured
+    lengths = _finite(trace.coordinates.get("l") if hangs else None)
+    rope = float(f"{np.median(lengths):.6g}") if lengths.size else None
+    rig, *simulated = (_box(run, rope) for run in (trace.measured, trace.before, trace.after))
+    margin = max(rig[1] - rig[0], rig[3] - rig[2]) / 2
+    widened = np.clip([rig, *simulated], rig - margin, rig + margin)
+    names = ("left", "right", "top", "bottom")
+    ends = (widened[:, k].min() if name in ("left", "top") else widened[:, k].max() for k, name in enumerate(names))
+    return {"rope": rope, **dict(zip(names, map(float, ends), strict=True))}
+
+
+def _box(run: Mapping[str, NDArray[np.float64]], rope: float | None) -> NDArray[np.float64]:
+    """Leftmost, rightmost, highest and lowest place of pivot and load [m], the heights downwards from the pivot."""
+    x, psi, lengths = (_finite(run.get(axis)) for axis in CHANNELS)
+    x, psi = (each if each.size else np.zeros(1) for each in (x, psi))
+    longest = lengths.max(initial=0.0) if lengths.size else rope or 0.0
+    across, down = (np.append(longest * turn(psi), 0.0) for turn in (np.sin, np.cos))
+    return np.array([x.min() + across.min(), x.max() + across.max(), down.min(), down.max()])
 
 
 def _horizons(diagnosis: Diagnosis, changed: bool) -> list[dict[str, Any]]:
@@ -76,8 +99,9 @@ def _horizons(diagnosis: Diagnosis, changed: bool) -> list[dict[str, Any]]:
         ]
         noise = {"label": "noise", "role": "recorded"}
         curves.append({**noise, "values": _positive([diagnosis.noise.get(channel)] * len(rows), scale)})
-        label = f"Hold-out error over horizon: {CHANNELS[channel]} [{scale.unit}]"
-        panels.append({"label": label, "seconds": [row.seconds for row in rows], "curves": curves})
+        label = f"Hold-out error over horizon: {CHANNELS[channel]}"
+        seconds, axis = [row.seconds for row in rows], f"rms error [{scale.unit}]"
+        panels.append({"label": label, "axis": axis, "seconds": seconds, "curves": curves})
     return panels
 
 
@@ -117,6 +141,7 @@ def _finite(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
     return np.empty(0) if values is None else values[np.isfinite(values)]
 
 
-def _numbers(values: NDArray[np.float64]) -> list[float | None]:
-    """Six significant digits are finer than a screen; a run that goes astray is cut off."""
-    return [float(f"{value:.6g}") if np.isfinite(value) and abs(value) < 1e6 else None for value in values]
+def _numbers(values: NDArray[np.float64], decimals: int | None = None) -> list[float | None]:
+    """Six significant digits, or so many decimals, are finer than a screen; a run that goes astray is cut off."""
+    rounded = (round(value, decimals) if decimals is not None else float(f"{value:.6g}") for value in values.tolist())
+    return [value if abs(value) < 1e6 else None for value in rounded]

@@ -6,6 +6,7 @@ What stands where is the matter of `assets/diagnosis.html`; here are the words a
 from collections.abc import Sequence
 from typing import Any
 
+from ...diagnosis.criteria import CRITERIA
 from ...diagnosis.result import Diagnosis, NamedEffect
 from ...model.names import site_name
 from ..figures.gallery import Gallery, diagnosis_signals
@@ -21,6 +22,8 @@ from .trials import trial_table
 
 LEAST_FALL = 0.1
 """Fall of the share of a force that repeats which is worth a sentence."""
+LEAST_RISE = 1.1
+"""Error over that of the model as given from which on a channel that is not met is said to be met worse."""
 
 
 def diagnosis_page(diagnosis: Diagnosis, gallery: Gallery) -> str:
@@ -83,10 +86,22 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 
 
 def _sure(diagnosis: Diagnosis) -> str:
-    """Status and probability of each named effect."""
+    """Status and probability of each named effect, with its name where there are several."""
     said = {"confirmed": "confirmed by the hold-out", "suggested": "suggested", "event": "a single event"}
-    sure = ((said[e.status], e.probability) for e in diagnosis.effects)
-    return "; ".join(how if p is None else f"{how}, probability {percent(p)}" for how, p in sure) or UNKNOWN
+    each = []
+    for effect in diagnosis.effects:
+        how = said[effect.status]
+        if _by_most_alone(effect):
+            how = "confirmed by most windows of the hold-out, though not by those with the largest errors"
+        name = f"{effect_name(effect.kind, effect.site)}: " if len(diagnosis.effects) > 1 else ""
+        chance = "" if effect.probability is None else f", probability {percent(effect.probability)}"
+        each.append(name + how + chance)
+    return "; ".join(each) or UNKNOWN
+
+
+def _by_most_alone(effect: NamedEffect) -> bool:
+    """Whether most windows of the hold-out confirm an effect, but the sum of squared errors shows none of it."""
+    return effect.status == "confirmed" and effect.explained is not None and effect.explained <= 0.0
 
 
 def _next(diagnosis: Diagnosis) -> str:
@@ -101,17 +116,23 @@ def _next(diagnosis: Diagnosis) -> str:
 
 
 def _worst(diagnosis: Diagnosis) -> str:
-    """The hold-out error of the channel that was worst, in units and as a multiple of the noise."""
+    """The hold-out error of the channel that was worst, in units and as a multiple of the noise, and what got worse."""
     before, after = diagnosis.holdout_before.free_run, diagnosis.holdout_after.free_run
     noise = diagnosis.noise
     ratios = {channel: before[channel] / noise[channel] for channel in before if noise.get(channel)}
     if not ratios:
         return UNKNOWN
-    channel = max(ratios, key=lambda name: ratios[name])
-    row = error_rows({channel: before[channel]}, {channel: after[channel]}, noise)[0]
-    if is_changed(diagnosis):
-        return f"{CHANNELS[channel]}: {row.before} to {row.after} ({row.after_ratio})"
-    return f"{CHANNELS[channel]}: {row.after} ({row.after_ratio})"
+    worst = max(ratios, key=lambda name: ratios[name])
+    rows = {row.channel: row for row in error_rows(before, after, noise)}
+    if not is_changed(diagnosis):
+        return f"{CHANNELS[worst]}: {rows[worst].after} ({rows[worst].after_ratio})"
+    least = {channel: max(LEAST_RISE * before[channel], CRITERIA.met * noise[channel]) for channel in ratios}
+    risen = [channel for channel in ratios if after[channel] > least[channel]]
+    said = {
+        channel: f"{CHANNELS[channel]}: {rows[channel].before} to {rows[channel].after} ({rows[channel].after_ratio})"
+        for channel in dict.fromkeys((worst, *risen))
+    }
+    return "; ".join(f"worse in {text}" if channel in risen else text for channel, text in said.items())
 
 
 def _proof(diagnosis: Diagnosis) -> list[tuple[str, Table]]:
@@ -162,6 +183,12 @@ def _status(effect: NamedEffect) -> str:
     share = (
         "" if effect.explained is None else f" Without it {percent(effect.explained)} of the error at 1 s comes back."
     )
+    if _by_most_alone(effect):
+        return (
+            "Confirmed: without it most windows of the hold-out are met worse, by more than two standard errors. The"
+            " sum of squared errors at 1 s shows nothing of it: the windows with the largest errors, which make up most"
+            " of it, are met no better."
+        )
     if effect.status == "confirmed":
         return f"Confirmed: without it the hold-out is worse by more than two standard errors.{share}"
     if effect.status == "event":

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
+from PIL import Image
 
 RECORDED = "#3c3c3c"
 BEFORE = "#dd6a00"
@@ -25,6 +26,8 @@ BACKWARDS = "#8a4f9e"
 WIDTH = 8.0
 """Width of every figure [inch]."""
 _DPI = 130
+_COLOURS = 128
+"""Of a picture: with a palette it takes a third of the room of one with every shade, and no eye tells them apart."""
 STYLE = "jbridge.report.figures.common"
 """Name by which Matplotlib finds the style sheet beside this module; the figures of experiments use it, too."""
 
@@ -75,4 +78,12 @@ def picture(name: str, title: str, height: float, draw: Callable[[FigureBase], N
         content = io.BytesIO()
         # Without the metadata the same data give the same bytes on every version.
         figure.savefig(content, format="png", dpi=_DPI, metadata={"Software": None})
-    return Picture(name, title, content.getvalue(), figure)
+    return Picture(name, title, _with_palette(content), figure)
+
+
+def _with_palette(png: io.BytesIO) -> bytes:
+    """The same picture in few colours."""
+    content = io.BytesIO()
+    with Image.open(png) as full:
+        full.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE).save(content, "PNG", optimize=True)
+    return content.getvalue()
