@@ -90,7 +90,8 @@ class Plant(eqx.Module):
         if self.present is None:
             return law(value)
         present = [self.present[k] for k, own in enumerate(self.effects) if any(own is effect for effect in effects)]
-        return jax.lax.cond(jnp.any(jnp.stack(present)), law, lambda same: same, value)
+        # JAX hashes what it is given, and a method has the hash of its effect, whose numbers have none here.
+        return jax.lax.cond(jnp.any(jnp.stack(present)), lambda given: law(given), lambda same: same, value)
 
     def after_each(self, law: Callable[[E, T], T], value: T, effects: Iterable[E]) -> T:
         """What one effect after the other makes of a value; one question, and no work, where all of them are absent."""
