@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from jbridge._display import Displayed
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, in_nearest_turn, pick_columns, read_channels
 from jbridge.recordings.dropouts import lost_together
@@ -93,8 +94,8 @@ def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
     return found
 
 
-@dataclass(frozen=True)
-class Inspection:
+@dataclass(frozen=True, repr=False)
+class Inspection(Displayed):
     """What a file was read as, and everything that is wrong with it."""
 
     path: str
