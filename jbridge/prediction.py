@@ -19,7 +19,7 @@ from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .model.plant import Motion, Plant
 from .model.steps import substeps
-from .recordings import Recording
+from .recordings import Recording, as_recordings
 from .simulation.inputs import Lane
 from .simulation.measurement import read, readings
 from .simulation.rollout import rollout
@@ -89,6 +89,7 @@ def simulate(
     """
     if initial not in ("estimated", "first-row"):
         raise ValueError(f"initial is 'estimated' or 'first-row', not {initial!r}")
+    [recording] = as_recordings([recording])
     parts = _parts(model, recording)
     requires(model, [axis for axis in AXES if parts[axis]])
     measured = any(getattr(recording, axis) is not None for axis in AXES)

@@ -3,6 +3,7 @@
 import argparse
 import base64
 import importlib.resources
+import json
 from pathlib import Path
 
 import jbridge
@@ -30,7 +31,7 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
         if arguments.reveal:
             # In base64, so that nobody reads it by accident; seal.txt beside it is its SHA-256.
             truth = base64.b64decode((folder / "truth.txt").read_text(encoding="ascii")).decode("utf-8")
-            console.show(truth.rstrip() + "\n", lambda: {"concealed": truth})
+            console.show(truth.rstrip() + "\n", lambda: {"concealed": json.loads(truth)})
             return
         _diagnose(folder, arguments, console)
 

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from .._display import Displayed
 from ..compilation.threads import one_thread_each
 from ..model.files import Model
 from ..model.parameters import ParameterTable
-from ..recordings import Recording
+from ..recordings import Recording, required
 from .data.windows import HORIZONS, WHOLE, make_data
 from .estimation import engine_for, make_problem, start_of
 from .result import Estimate
@@ -16,8 +17,8 @@ from .setting import prepared, resolve
 from .uncertainty import covariance, estimates, warnings
 
 
-@dataclasses.dataclass(frozen=True)
-class Identifiability:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Identifiability(Displayed):
     """How well recordings would determine a model's unknown numbers, were they those that it starts from."""
 
     parameters: Mapping[str, Estimate]
@@ -47,7 +48,7 @@ def identifiability(model: Model, recordings: Sequence[Recording]) -> Identifiab
     Raises:
         InputError: model and recordings do not go together.
     """
-    model, setting, told = prepared(model, recordings)
+    model, setting, told = prepared(model, required(recordings))
     setting = setting.thinned()
     plant = resolve(model.plant, setting.length)
     horizons = tuple(horizon for horizon in HORIZONS if horizon < WHOLE)

@@ -62,6 +62,8 @@ def columns_of(name: str, frame: Any) -> dict[str, Any]:
 
 def numbers(values: Any) -> np.ndarray:
     """Returns a copy as real numbers of shape `(time,)`; raises a ValueError that says what else it is."""
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "biuf":
+        values = np.ma.filled(values.astype(np.float64), np.nan)  # what is masked is no number
     array = np.asarray(values)
     if array.dtype == object:
         try:

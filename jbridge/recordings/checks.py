@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from jbridge.errors import InputError
-from jbridge.recordings.tables.columns import UNITS, Column
+from jbridge.recordings.tables.columns import OF_EXPORTS, UNITS, Column
 
 LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig is measured."""
@@ -27,6 +27,8 @@ SLOWEST = 0.5
 COUNTERS = tuple(2**bits * tick for bits in (16, 32) for tick in (1e-6, 1e-3))
 """Times [s] after which a microcontroller's counter of microseconds or milliseconds starts again."""
 GRAVITY = 9.81
+LONGEST = 20.0
+"""Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
 TOO_FAST = 2.0
 """Multiple of what gravity and the cart can give a load, above which its angle cannot be in radians."""
 MOST_MOMENTS = 100_000
@@ -72,9 +74,7 @@ def from_its_start(column: Column, times: np.ndarray) -> Column:
     offset, step = column.sign * float(times[0]) / size + column.offset, abs(float(np.median(np.diff(times)))) / size
     if column.scale is not None or step == 0.0:
         return replace(column, offset=offset)
-    sizes = {**UNITS["t"], "count": 1e-9}
-    unit = min(sizes, key=lambda name: abs(np.log(step * sizes[name] / USUAL)))
-    return replace(column, unit=unit, scale=sizes[unit] if unit == "count" else None, offset=offset)
+    return replace(column, unit=unit_of_log(step) or column.unit, offset=offset)
 
 
 def check_times(refuse: Refuse, times: np.ndarray, column: Column) -> None:
@@ -132,15 +132,18 @@ def counted_on(times: np.ndarray) -> tuple[np.ndarray, str]:
     return times, ""
 
 
-def with_longer_unit(column: Column, step: float) -> Column | None:
+def unit_of_log(step: float) -> str | None:
+    """Returns the unit in which times that are so far apart are likeliest those of a log, if there is one."""
+    sizes = {unit: size for unit, size in UNITS["t"].items() if FASTEST <= step * size <= SLOWEST}
+    return min(sizes, key=lambda unit: (unit in OF_EXPORTS, abs(np.log(step * sizes[unit] / USUAL))), default=None)
+
+
+def as_of_log(column: Column, step: float) -> Column | None:
     """Returns the column of a time in the unit that makes the time between its rows [s] that of a log, if one does."""
     if column.scale is not None:
-        factors = (f for f in (1e3, 1e6) if FASTEST <= f * step <= SLOWEST)
+        factors = (f for f in (1e3, 1e6, 1e-3, 1e-6, 1e-9) if FASTEST <= f * step <= SLOWEST)
         return next((replace(column, scale=column.scale * f) for f in factors), None)
-    size = UNITS["t"][column.unit]
-    steps = {unit: other / size * step for unit, other in UNITS["t"].items() if other > size}
-    longer = [unit for unit, each in steps.items() if FASTEST <= each <= SLOWEST]
-    unit = min(longer, key=lambda unit: abs(np.log(steps[unit] / USUAL)), default=None)
+    unit = unit_of_log(step / UNITS["t"][column.unit])
     return None if unit is None else replace(column, unit=unit)
 
 
@@ -153,15 +156,13 @@ def in_unit_of_log(column: Column, raw: np.ndarray) -> Column:
     """
     raw = raw[np.isfinite(raw)]
     step = float(np.median(np.abs(np.diff(raw)))) * UNITS["t"][column.unit] if raw.size > 1 else 0.0
-    if step > SLOWEST and column.unit == "s":
-        return replace(column, unit="ms" if 1e-3 * step <= SLOWEST else "us")
-    longer = with_longer_unit(column, step) if 0 < step < FASTEST else None
-    return longer or column
+    doubted = 0 < step < FASTEST or step > SLOWEST
+    return (as_of_log(column, step) if doubted else None) or column
 
 
 def why_often(steps: np.ndarray, column: Column) -> str:
     """Returns why times fail to increase in more than one row of twenty, and what to do; nothing if they do not."""
-    longer = with_longer_unit(column, float(np.median(steps)))
+    longer = as_of_log(column, float(np.median(steps)))
     if longer is not None and np.median(steps) < SHORTEST:
         return f"a row every {np.median(steps):.3g} s is no log of a rig; declare {longer.line('t')} under [columns]"
     same, falls = float(np.mean(np.abs(steps) < SHORTEST)), float(np.mean(steps <= -SHORTEST))

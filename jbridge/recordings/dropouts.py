@@ -1,4 +1,4 @@
-"""Finds rows that a log lost and filled with a neighbour's value.
+"""Finds rows that a log lost and filled with a neighbour's value, or with one value that stands for none.
 
 A log that stalls, a packet that is lost, or a resampling over a gap leaves rows that repeat the value before or after
 them. Such a row is no measurement: a cart does not stand still for three rows and make up for it in the fourth.
@@ -15,6 +15,36 @@ GROWS = 2.0
 """Second step of a motion over its first one: 3 from rest at one acceleration, 2.1 where the drive lags by a row."""
 LEAST = 4.0
 """Travel that repeats missed, over the usual change from one step to the next, from which on it is no flicker."""
+
+FAR = 10.0
+"""Multiple of what a channel's own bends from row to row stay below (99 % of them) that is no motion."""
+AGAIN = 3
+"""Rows of one value from which on it is no chance that they are alike."""
+
+
+def filled_rows(values: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
+    """Says which rows hold the one value that a sensor or a log gives where it has none, mostly 0.
+
+    They are single rows, far from the row before and from the row after to the same side, and all exactly alike.
+
+    Args:
+        values: of the channel, shape (n,).
+        least: distance that is far, in their unit.
+
+    Returns:
+        True for such rows, shape (n,).
+    """
+    filled = np.zeros(values.size, bool)
+    before, after = np.diff(values)[:-1], -np.diff(values)[1:]
+    away = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    alike, rows = np.unique(values[1:-1][away > least], return_counts=True)
+    if not rows.size or rows.max() < AGAIN:
+        return filled
+    suspect = np.concatenate([[False], (away > least) & (values[1:-1] == alike[rows.argmax()]), [False]])
+    bends = np.abs(np.diff(values[~suspect], 2))
+    usual = float(np.quantile(bends, 0.99)) if bends.size else 0.0
+    filled[1:-1] = suspect[1:-1] & (away > FAR * usual)
+    return filled if np.count_nonzero(filled) >= AGAIN else np.zeros(values.size, bool)
 
 
 def lost_rows(times: NDArray[np.float64], values: NDArray[np.float64], resolution: float) -> NDArray[np.bool_]:

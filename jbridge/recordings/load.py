@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from jbridge._display import Displayed
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels, in_nearest_turn, pick_columns, read_channels
 from jbridge.recordings.dropouts import lost_together
@@ -16,6 +17,7 @@ from jbridge.recordings.notes import describe, held_note, lost_notes
 from jbridge.recordings.parts import Parts, find_parts
 from jbridge.recordings.plausibility.gains import check_gains, check_units
 from jbridge.recordings.plausibility.inputs import stale_notes, unlogged_inputs
+from jbridge.recordings.plausibility.lengths import doubtful_length
 from jbridge.recordings.plausibility.names import doubtful_channels, doubts_without_time
 from jbridge.recordings.plausibility.sensors import HANGS, doubtful_silence, sensor_notes
 from jbridge.recordings.plausibility.signs import doubtful_signs, signs_of
@@ -93,8 +95,8 @@ def constant_inputs(recordings: Sequence[Recording]) -> set[str]:
     return found
 
 
-@dataclass(frozen=True)
-class Inspection:
+@dataclass(frozen=True, repr=False)
+class Inspection(Displayed):
     """What a file was read as, and everything that is wrong with it."""
 
     path: str
@@ -203,11 +205,8 @@ def make_reading(
         tell(doubt)
     parts = find_parts(channels, declared, inputs_only)
     times = channels.values["t"]
-    of_units = [
-        *doubtful_units(channels),
-        *doubtful_angle(channels, parts.locked_length),
-        *doubtful_silence(channels),
-    ]
+    of_units = [*doubtful_units(channels), *doubtful_length(channels, parts.locked_length)]
+    of_units += [*doubtful_angle(channels, parts.locked_length), *doubtful_silence(channels)]
     for doubt in of_units:
         tell(doubt)
     channels = channels if of_units else in_nearest_turn(channels)
@@ -252,7 +251,7 @@ def make_reading(
             *parts.notes,
             *describe(channels, declared, resolution, holds),
             *lost_notes(times, lost),
-            *sensor_notes(channels, samples, resolution, holds, parts.locked_length),
+            *([] if of_units else sensor_notes(channels, samples, resolution, holds, parts.locked_length)),
             *stale_notes(channels, samples, resolution),
         ),
         earlier=Commands(

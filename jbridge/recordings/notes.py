@@ -3,7 +3,9 @@
 import numpy as np
 
 from jbridge.recordings.channels import Channels
+from jbridge.recordings.dropouts import filled_rows
 from jbridge.recordings.hold import Hold
+from jbridge.recordings.plausibility.refusals import times_more
 from jbridge.recordings.plausibility.units import LEAST, leaping
 from jbridge.recordings.sidecar import Sidecar
 
@@ -49,7 +51,8 @@ def both_ways(x: np.ndarray) -> bool:
 
 
 def leap_notes(channels: Channels) -> list[str]:
-    """Returns sentences on smaller leaps, one for each channel: a fit goes on beside a few of them.
+    """Returns sentences on rows that hold the one value of a dropout, and on other leaps, for each channel: a fit goes
+    on beside a few of them.
 
     At 20 rows a second a rig may go so far from one to the next that none is told from motion.
     """
@@ -58,13 +61,24 @@ def leap_notes(channels: Channels) -> list[str]:
         values = channels.values.get(name)
         if values is None:
             continue
-        rows = np.flatnonzero(leaping(times, values, *limits)) + 1
-        if rows.size:
-            step, unit = abs(values[rows[0]] - values[rows[0] - 1]), "rad" if name == "psi" else "m"
-            # A wrong row is one step away from the last and one from the next.
-            more = f", and {rows.size - 1} times more" if rows.size > 2 else ""
+        unit = "rad" if name == "psi" else "m"
+        filled = filled_rows(values, limits[0])
+        if filled.any():
+            first = int(filled.argmax())
+            row = channels.table.row_numbers[channels.rows[first]]
             notes.append(
-                f"{name} leaps by {step:.3g} {unit} in one row at {times[rows[0]]:.6g} s{more}, as nothing moves:"
+                f"{name} is {values[first]:.4g} {unit} in {np.count_nonzero(filled)} single rows, far from the rows"
+                f" around them, row {row}, at {times[first]:.6g} s, the first: the sensor or the log had no reading"
+                " there; delete these rows, since a gap is a missing row."
+            )
+        kept, values = times[~filled], values[~filled]
+        rows = np.flatnonzero(leaping(kept, values, *limits)) + 1
+        if rows.size:
+            step = abs(values[rows[0]] - values[rows[0] - 1])
+            # A wrong row is one step away from the last and one from the next.
+            more = times_more(rows.size - 1) if rows.size > 2 else ""
+            notes.append(
+                f"{name} leaps by {step:.3g} {unit} in one row at {kept[rows[0]]:.6g} s{more}, as nothing moves:"
                 " delete wrong rows; where rows are missing, or another run begins, cut the file."
             )
     return notes

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -217,12 +218,21 @@ class Recording:
         return self.u_l is not None
 
 
-def as_recordings(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
-    """Recordings as a tuple, of which one may be given alone."""
-    return (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+def as_recordings(recordings: Recording | Iterable[Any]) -> tuple[Recording, ...]:
+    """Recordings as a tuple, of which one may be given alone.
+
+    Raises:
+        InputError: something else is among them, such as the name of a file.
+    """
+    every = (recordings,) if isinstance(recordings, Recording | str | PathLike) else tuple(recordings)
+    for each in every:
+        if not isinstance(each, Recording):
+            what = repr(str(each)) if isinstance(each, str | PathLike) else f"a {type(each).__name__}"
+            raise InputError(f"{what} where a recording belongs; read files with load_recording, or load_recordings")
+    return every
 
 
-def required(recordings: Recording | Iterable[Recording]) -> tuple[Recording, ...]:
+def required(recordings: Recording | Iterable[Any]) -> tuple[Recording, ...]:
     """Recordings as a tuple, of which there must be one at least.
 
     Raises:

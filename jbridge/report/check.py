@@ -49,7 +49,7 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
         if each.recording is not None:
             lines += ["", *_recording(each, each.recording)]
     if found is not None:
-        lines += ["", *_numbers(found)]
+        lines += ["", describe_identifiability(found)]
     return "\n".join(lines) + "\n"
 
 
@@ -138,8 +138,13 @@ def _recording(inspection: Inspection, recording: Recording) -> Iterator[str]:
         yield from textwrap.wrap(note, _WIDTH, initial_indent="  - ", subsequent_indent="    ")
 
 
+def describe_identifiability(found: Identifiability) -> str:
+    """Which parameters recordings determine, and how well."""
+    return "\n".join(_numbers(found))
+
+
 def _numbers(found: Identifiability) -> Iterator[str]:
-    yield "Parameters that a fit would estimate, to the accuracy that a complete model allows"
+    yield "Parameters that a fit would estimate, as accurately as a complete model allows"
     width = max(map(len, found.estimated), default=0)
     for name in found.estimated:
         estimate = found.parameters[name]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from functools import singledispatch
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,16 @@ from matplotlib.figure import Figure
 
 from .._files import make_folder
 from ..diagnosis.result import Diagnosis, NamedEffect
+from ..identification.identifiability import Identifiability
 from ..identification.result import Estimate, Fit
 from ..prediction import Simulation
-from ..recordings import save_csv
+from ..recordings import Inspection, save_csv
+from ..simulation.tracking import Tracking
+from ..sweep.run import SweepResult, read_sweep
+from ..tuning.tune import Tuning
+from .check import describe_check, describe_identifiability, save_check
+from .control.tracking import describe_tracking
+from .control.tuning import describe_tuning, save_tuning
 from .diagnosis.page import diagnosis_summary
 from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
 from .files import PathLike
@@ -24,6 +32,8 @@ from .text.rows import error_rows, parts
 from .text.terminal import diagnosis_in_short, fit_in_short
 from .text.words import CHANNELS
 
+_LINES = 24
+"""Of a text that fits on a screen."""
 COLUMNS = ("parameter", "kind", "site", "value", "std", "low", "high", "unit", "status", "probability")
 """Columns of a table of estimates; `kind` and `site` are None for numbers of the bridge."""
 
@@ -36,26 +46,61 @@ def text(result: Any) -> str:
 
 @singledispatch
 def html(result: Any) -> str:
-    """A result as a piece of a page, for notebooks."""
-    raise TypeError(f"no display of {type(result).__name__}")
+    """A result as a piece of a page, for notebooks; by default its text."""
+    return f"<pre>{escape(text(result))}</pre>"
 
 
 @singledispatch
 def figure(result: Any, recording: str | None = None) -> Figure:
     """A recording of a result beside its simulations."""
-    raise TypeError(f"no display of {type(result).__name__}")
+    raise TypeError(f"a {type(result).__name__} has no figure")
 
 
 @singledispatch
 def columns(result: Any) -> Mapping[str, Any]:
     """The numbers of a result as columns of equal length."""
-    raise TypeError(f"no display of {type(result).__name__}")
+    raise TypeError(f"a {type(result).__name__} has no table")
 
 
 @singledispatch
 def save(result: Any, folder: PathLike) -> Path:
     """Writes what the result's command writes."""
-    raise TypeError(f"no display of {type(result).__name__}")
+    raise TypeError(f"a {type(result).__name__} has no file")
+
+
+def _in_short(told: str) -> str:
+    """A text, cut where it is longer than a screen."""
+    lines = told.rstrip().splitlines()
+    return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "..."])
+
+
+@text.register
+def _(result: Tracking) -> str:
+    moved = f"{len(result.moves)} move{'s' if len(result.moves) != 1 else ''}"
+    return _in_short(f"Tracking: {len(result.times)} samples, {moved}\n{describe_tracking(result)}")
+
+
+@text.register
+def _(result: Tuning) -> str:
+    return _in_short(f"Tuning\n{describe_tuning(result)}")
+
+
+@text.register
+def _(result: SweepResult) -> str:
+    return (
+        f"Sweep in {result.folder}: {result.count:,} rollouts, {result.failed:,} failed\n"
+        f"{result.computed:,} of them computed now, in {result.seconds:.1f} s"
+    )
+
+
+@text.register
+def _(result: Inspection) -> str:
+    return _in_short(f"Inspection of {result.path}\n{describe_check([result], None)}")
+
+
+@text.register
+def _(result: Identifiability) -> str:
+    return _in_short(describe_identifiability(result))
 
 
 text.register(Fit, fit_in_short)
@@ -100,6 +145,21 @@ def _(result: Simulation) -> Mapping[str, Any]:
 
 
 @columns.register
+def _(result: Tracking) -> Mapping[str, Any]:
+    return result.columns
+
+
+@columns.register
+def _(result: SweepResult) -> Mapping[str, Any]:
+    return read_sweep(result.folder)
+
+
+@columns.register
+def _(result: Identifiability) -> Mapping[str, Any]:
+    return _as_columns(_rows(None, None, result.parameters))
+
+
+@columns.register
 def _(result: Fit) -> Mapping[str, Any]:
     return _as_columns(row for part in parts(result) for row in _rows(part.kind, part.site, part.parameters))
 
@@ -122,6 +182,16 @@ def _(result: Fit, folder: PathLike) -> Path:
 @save.register
 def _(result: Diagnosis, folder: PathLike) -> Path:
     return save_report(folder, result)
+
+
+@save.register
+def _(result: Tuning, folder: PathLike) -> Path:
+    return save_tuning(folder, result)
+
+
+@save.register
+def _(result: Inspection, folder: PathLike) -> Path:
+    return save_check(folder, [result], describe_check([result], None))
 
 
 @save.register

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._display import Displayed
 from .._types import Axes
 from ..control.base import Reference
 from ..control.compensation import limits_of
@@ -25,8 +26,8 @@ _DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
 """Input, what it drives, and the drive's site."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Tracking:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Tracking(Displayed):
     """A closed loop at the controller's samples."""
 
     times: NDArray[np.float64]

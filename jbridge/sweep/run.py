@@ -25,6 +25,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from .._display import Displayed
 from .._files import create_text, read_json, replace_text, replacing
 from .._progress import Step, silent, with_progress
 from ..cluster import on_workers
@@ -41,8 +42,8 @@ _prepared: dict[str, Rollouts] = {}
 _preparing = threading.Lock()
 
 
-@dataclasses.dataclass(frozen=True)
-class SweepResult:
+@dataclasses.dataclass(frozen=True, repr=False)
+class SweepResult(Displayed):
     """What a sweep left in its folder."""
 
     folder: Path

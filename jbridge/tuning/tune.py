@@ -11,6 +11,7 @@ import numpy as np
 import optax
 from numpy.typing import NDArray
 
+from .._display import Displayed
 from .._progress import Step, silent, with_progress
 from ..control.files import Controller
 from ..errors import InputError
@@ -44,8 +45,8 @@ _LOST = 1.1
 _HELD_OUT_MOVES = 4
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Tuning:
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
+class Tuning(Displayed):
     """A tuned controller and how it compares."""
 
     controller: Controller

@@ -1,6 +1,7 @@
 """Arrays and data frames give the recording that a file with the same columns gives, and the same refusals."""
 
 import dataclasses
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -125,6 +126,7 @@ def changed(**new):
 
 REFUSED = {
     "NaN": (spoilt("x", 11, np.nan), r"^tuesday, row 11, column x: the value is NaN; delete the row"),
+    "masked": (changed(x=np.ma.masked_equal(np.arange(400), 11)), r"^tuesday, row 11, column x: the value is NaN"),
     "infinite": (spoilt("u_x", 0, np.inf), r"^tuesday, row 0, column u_x: the value is infinite"),
     "time falls": (spoilt("t", 5, 0.01), r"^tuesday, row 5, column t: time must increase"),
     "millimetres": (changed(x=np.full(400, 2e6)), r"^tuesday, row 0, column x: .*declare its unit"),
@@ -202,6 +204,19 @@ def test_leaps_are_noted(slip, count):
         assert any("leaps by" in note for note in recording.notes) == noted
 
 
+@pytest.mark.parametrize(("filler", "noted"), [(0.0, True), (None, False)])
+def test_rows_without_a_reading_are_noted(filler, noted):
+    """Every fiftieth row of the angle is 0, as a log writes it that had no answer; noise alone is no such row."""
+    t, key = 0.01 * np.arange(1000), np.random.default_rng(0)
+    psi = 0.3 * np.sin(4.0 * t) + 1e-3 * key.standard_normal(t.size)
+    psi = np.round(psi, 3) if filler is None else np.where(np.arange(t.size) % 50 == 20, filler, psi)
+    recording = Recording.from_arrays(t=t, psi=psi, sidecar={"locked": {"l": 0.6}})
+    found = [note for note in recording.notes if "single rows" in note]
+    assert len(found) == noted
+    assert all(re.search(r"^psi is 0 rad in 1\d single rows, .* row 20, at 0.2 s, the first", note) for note in found)
+    assert not any("leaps by" in note for note in recording.notes)
+
+
 def test_what_is_to_be_declared_is_an_argument():
     t = np.arange(200) * 0.01
     with pytest.raises(InputError, match=r"under \[locked\] of the argument sidecar"):
@@ -217,3 +232,9 @@ def test_one_recording_may_be_given_alone_and_none_is_refused(columns):
     for call in (fit, diagnose):
         with pytest.raises(InputError, match="no recordings: give at least one"):
             call(model, [])
+
+
+@pytest.mark.parametrize("name", ["a.csv", ["a.csv"]])
+def test_a_file_where_a_recording_belongs_is_refused(name):
+    with pytest.raises(InputError, match=r"^'a\.csv' where a recording belongs; read files with load_recording"):
+        as_recordings(name)

@@ -1,5 +1,6 @@
 """Measured recordings from rigs of other people, read where they lie."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from jbridge.errors import InputError
 from jbridge.recordings import constant_inputs, load_recording, load_recordings
 
-RIGS = Path(__file__).parents[2].parent / "shared" / "recordings"
+RIGS = Path(os.environ.get("JBRIDGE_RECORDINGS", Path(__file__).parents[2].parent / "shared")) / "recordings"
 GANTRY = RIGS / "gantry_crane_napitupulu"
 BELT = RIGS / "cart_pendulum_aau"
 ARM = RIGS / "pendulum_multiarm_uw"

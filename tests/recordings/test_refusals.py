@@ -186,6 +186,15 @@ REFUSED = {
         lambda lines: "\n".join(lines).replace(",", " ").replace("u_x", "motor voltage"),
         ["row 1", "blanks between the columns, and not as many names"],
     ),
+    "JSON": (lambda lines: '{"t": [0, 1], "x": [1, 2]}', ["row 1", "JSON, not a table", "from_arrays"]),
+    "LabVIEW": (
+        lambda lines: "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\nX_Value\tx\n0\t1\n",
+        ["row 1", "LabVIEW measurement file (.lvm)", "'No headers'"],
+    ),
+    "a serial plotter": (
+        lambda lines: "\n".join(f"t:{k}\tu_x:-0.5 x:{k / 7:.3f}" for k in range(60)),
+        ["row 1", "serial plotter", "first row such as t,u_x,x,psi"],
+    ),
     "points for thousands": (
         lambda lines: german(lines, ";").replace("\n0,01;", "\n1.000,01;"),
         ["row 2", "decimal points alone"],

@@ -149,6 +149,24 @@ def test_the_length_on_which_a_load_swings_is_told_where_another_one_is_declared
         assert found == pytest.approx(length, rel=0.01)
 
 
+@pytest.mark.parametrize(("turn", "unit"), [(360, 'unit = "deg"'), (400, 'unit = "count", scale = 0.0157')])
+def test_gon_are_told_from_degrees(turn, unit):
+    with pytest.raises(InputError, match=re.escape(f'psi = {{column = "psi", {unit}}}')):
+        swing(0.4, 0.4, scale=turn / (2 * np.pi), damping=0.0)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_length_of_another_unit_is_told_with_the_line_that_mends_it(factor):
+    [note] = [each for each in swing(0.4, 0.4 * factor) if "on a rope of" in each]
+    assert "declare l = 0.4 under [locked]" in note
+
+
+@pytest.mark.parametrize("factor", [60.0, 100.0, 1000.0])
+def test_a_length_that_no_laboratory_has_is_refused_with_the_one_that_swings(factor):
+    with pytest.raises(InputError, match=r"longer than any laboratory; declare its length in m, such as l = 0\.4"):
+        swing(0.4, 0.4 * factor)
+
+
 @pytest.mark.parametrize(("factor", "push"), [(0.4, 0.1), (2.5, 0.0), (2.5, 0.06), (5.0, 0.06), (-0.4, 0.1)])
 def test_a_scale_of_the_angle_that_its_cart_speaks_against_is_told_with_a_line_that_mends_it(factor, push):
     [note] = [each for each in swing(0.4, 0.4, push, factor) if "the motion of its cart" in each]

@@ -49,6 +49,9 @@ def test_columns_are_mapped_with_unit_sign_and_offset(write, columns):
     [
         ("t", "ms", 1e-3),
         ("t", "us", 1e-6),
+        ("t", "ns", 1e-9),
+        ("t", "min", 60.0),
+        ("t", "h", 3600.0),
         ("x", "m", 1.0),
         ("x", "cm", 1e-2),
         ("x", "mm", 1e-3),

@@ -59,6 +59,8 @@ MENDED = {
     "t in ms, rows of 40 ms": {name: values[::4] for name, values in scaled(t=1e3).items()},
     "t in days, as spreadsheets count": scaled() | {"t": 45000.4321 + TRUTH["t"] / 86400.0},
     "psi in degrees": scaled(psi=180 / np.pi),
+    "t in ns": scaled(t=1e9),
+    "Time [min]": {("Time [min]" if n == "t" else n): v for n, v in scaled(t=1 / 60).items()},
     "psi in milliradians": scaled(psi=1e3),
     "psi turned": scaled(psi=-1.0),
     "u_x turned": scaled(u_x=-1.0),
@@ -113,6 +115,20 @@ def test_the_line_in_the_refusal_mends_it(tmp_path, columns):
     assert sidecar
     check(recording)
     assert load_recording(path, force=True).times.size == recording.times.size
+
+
+@pytest.mark.parametrize("turn", [1024, 4096])
+def test_an_angle_in_no_unit_is_offered_in_counts(tmp_path, turn):
+    """The line contradicts neither gravity nor the cart."""
+    path = tmp_path / "run.csv"
+    path.write_text(table(TRUTH | {"psi": np.round(TRUTH["psi"] * turn / (2 * np.pi))}))
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    line = re.search(r'declare (psi = \{column = "psi", unit = "count", scale = (\S+)\})', str(caught.value))
+    assert line and float(line[2]) == pytest.approx(2 * np.pi / turn, rel=0.05), str(caught.value)
+    path.with_suffix(".toml").write_text(f"[columns]\n{line[1]}\n")
+    (inspected,) = inspect_recordings([path])
+    assert inspected.problems == ()
 
 
 def check(recording) -> None:

@@ -245,6 +245,11 @@ def test_a_motors_encoder_is_no_input():
         ("u_x", ["target_current", "current", "XVOLT"], {}, 'column = "XVOLT", unit = "V"'),
         ("u_x", ["target_current", "current"], {}, 'column = "current", unit = "A"'),
         ("u_x", ["current_meas", "voltge"], {}, 'column = "voltge", unit = "V"'),
+        ("u_x", ["motor_pwm"], {}, 'column = "motor_pwm", unit = "count"'),
+        ("u_x", ["pwm_trolley"], {}, 'column = "pwm_trolley", unit = "count"'),
+        ("u_x", ["cart_duty_cycle"], {}, 'column = "cart_duty_cycle", unit = "count"'),
+        ("u_x", ["pwm_hoist", "duty [%]"], {}, 'column = "duty [%]", unit = "%"'),
+        ("u_l", ["pwm_trolley", "hoistPWM"], {}, 'column = "hoistPWM", unit = "count"'),
         ("u_l", ["current", "hoist_current_mA"], {}, 'column = "hoist_current_mA", unit = "mA"'),
     ],
 )
@@ -327,11 +332,18 @@ def test_times_that_no_unit_mends_are_doubted(tmp_path):
     assert load_recording(path, force=True).times.size == 400
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1.0 / 86400, "day")])
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns"), (1.0 / 86400, "day")])
 def test_a_time_is_offered_in_the_unit_that_its_steps_tell(write, columns, factor, unit):
     columns["time"] = columns.pop("t") * factor
     (inspected,) = inspect_recordings([write(columns)])
     assert f'declare t = {{column = "time", unit = "{unit}"}}' in inspected.problems[0]
+
+
+@pytest.mark.parametrize("name", ["stamp [min]", "stamp_min", "Time (minutes)"])
+def test_a_time_is_offered_in_the_unit_of_its_header(write, columns, name):
+    columns[name] = columns.pop("t") / 60
+    (inspected,) = inspect_recordings([write(columns)])
+    assert f'declare t = {{column = "{name}", unit = "min"}}' in inspected.problems[0]
 
 
 def test_nothing_measured_names_what_is_there(write, columns):

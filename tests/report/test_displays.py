@@ -1,6 +1,9 @@
 """Results show themselves as text, in notebooks, as figures and tables, and save what their commands write."""
 
+import dataclasses
+import importlib.resources
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +11,15 @@ import pytest
 from matplotlib.figure import Figure
 
 import jbridge
+from jbridge.control.measures import Move
+from jbridge.identification.identifiability import Identifiability
+from jbridge.identification.result import Estimate
 from jbridge.prediction import Simulation
+from jbridge.simulation.tracking import Tracking
+from jbridge.sweep.run import SweepResult
 from tests.identification.cases import make_recording
 from tests.report import cases
+from tests.report.test_warnings import tuning
 
 TIMES = np.arange(200) * 0.01
 
@@ -46,6 +55,40 @@ def test_repr_fits_on_a_screen(result):
     lines = repr(result).splitlines()
     assert 1 < len(lines) <= 24 and max(map(len, lines)) <= 100
     assert str(result) == repr(result)
+
+
+def tracking():
+    """A long one, whose arrays would fill pages."""
+    axes = {name: 0.5 + 0.0 * np.arange(5000) for name in ("x", "psi", "l")}
+    each = dict.fromkeys(("x", "l", "load"), 0.5)
+    move = Move(0.0, 1.0, each, each, each, 0.0, each, each, each, dict.fromkeys(each, 3), each)
+    return Tracking(0.01 * np.arange(5000), axes, axes, axes, axes, {"u_x": axes["x"]}, (move,))
+
+
+def inspection():
+    return jbridge.inspect_recordings([importlib.resources.files("jbridge") / "demo_data" / "train-1.csv"])[0]
+
+
+SHORT = {
+    "tracking": (tracking, "Tracking: 5000 samples, 1 move"),
+    "tuning": (lambda: dataclasses.replace(tuning(), costs={"train": (2.0, 1.0), "held_out": (2.0, 1.0)}), "Tuning"),
+    "sweep": (lambda: SweepResult(Path("out"), 12_000, 3, 500, 2.0), "Sweep in out: 12,000 rollouts, 3 failed"),
+    "inspection": (inspection, "Inspection of "),
+    "identifiability": (
+        lambda: Identifiability({"cart_gain": Estimate(16.0, 0.1, 15.8, 16.2, "N/V")}, ("cart_gain",), (), (), {}),
+        "Parameters that a fit would estimate",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "begins"), SHORT.values(), ids=SHORT)
+def test_what_has_no_page_is_shown_as_a_short_text(make, begins):
+    made = make()
+    said = repr(made)
+    assert said.startswith(begins) and len(said.splitlines()) <= 24 and max(map(len, said.splitlines())) <= 100
+    assert made._repr_html_().startswith("<pre>")
+    with pytest.raises(TypeError, match=f"a {type(made).__name__} has no figure"):
+        made.plot()
 
 
 def test_repr_says_what_matters():

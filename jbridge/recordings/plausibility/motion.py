@@ -294,8 +294,11 @@ def hanging(cells: Cells, *, upright: bool = False, way: float = 1.0) -> float:
     return angle + float(np.copysign(np.pi, np.mean(cells.values["psi"]))) if upright else angle
 
 
-def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples) -> Cells | None:
-    """Returns a swing in eighths of its period, or None where it is too short to decide anything."""
-    period = 2 * np.pi * np.sqrt(float(np.median(l[1])) / GRAVITY)
+def swing_cells(times: np.ndarray, psi: Samples, x: Samples, l: Samples, share: float = 1.0) -> Cells | None:
+    """Returns a swing in eighths of its period, or None where it is too short to decide anything.
+
+    The period is that on a rope of a `share` of the length that was read.
+    """
+    period = 2 * np.pi * np.sqrt(share * float(np.median(l[1])) / GRAVITY)
     cells = in_cells(period / 8, times, {"x": x, "psi": psi, "l": l, "sin": (psi[0], np.sin(psi[1]))}, {})
     return cells if cells is not None and np.count_nonzero(cells.whole) >= STRETCH * CERTAIN**2 else None

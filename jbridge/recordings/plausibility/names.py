@@ -1,7 +1,6 @@
 """Channels that are missing, and columns that are nearly called like them."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from jbridge.recordings.parts import contradictions
 from jbridge.recordings.plausibility.inputs import shared_columns
 from jbridge.recordings.plausibility.refusals import FORCE
 from jbridge.recordings.sidecar import Sidecar
-from jbridge.recordings.tables.columns import CHANNELS, Column, near_column, plain_column
+from jbridge.recordings.tables.columns import CHANNELS, Column, near_column, plain_column, unit_in
 from jbridge.recordings.tables.table import Table
 
 
@@ -93,7 +92,7 @@ def only_rising(table: Table) -> Column | None:
     none."""
     others = {name: raw for name, raw in table.columns.items() if name not in CHANNELS and raw.size > 1}
     rising = [name for name, raw in others.items() if np.all(np.diff(raw) > 0) and np.any(np.diff(raw) != 1.0)]
-    return Column(rising[0], "s") if len(rising) == 1 else None
+    return Column(rising[0], unit_in(rising[0], "t")[0] or "s") if len(rising) == 1 else None
 
 
 def doubtful_names(channels: Channels, locked: bool) -> Iterator[tuple[str, InputError]]:
@@ -136,7 +135,8 @@ def doubtful_absence(channels: Channels, locked: bool) -> Iterator[tuple[str, In
     ):
         known = values.keys() | channels.near.keys() | channels.left_out
         if there and channel not in known and channels.extras:
-            line = replace(plain_column(channel), name=next(iter(channels.extras))).line(channel)
+            name = next(iter(channels.extras))
+            line = Column(name, unit_in(name, channel)[0] or plain_column(channel).unit).line(channel)
             yield (
                 channel,
                 InputError(

@@ -12,12 +12,19 @@ FORCE = "; --force takes it as it is"
 """What to do if what is doubted is right."""
 
 
+def times_more(count: int) -> str:
+    """Returns how often more something happens than the once that is told; nothing where it does not."""
+    return f", and {'once' if count == 1 else f'{count} times'} more" if count else ""
+
+
 def base_unit(unit: str) -> str:
     """Returns V or A for a unit of voltage or current, so that these are not mixed; nothing for any other unit."""
     return BASE_UNITS.get(unit, unit if unit in BASE_UNITS.values() else "")
 
 
-def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0, turned: bool = False) -> InputError:
+def refusal(
+    channels: Channels, channel: str, what: str, *, factor: float = 1.0, turned: bool = False, counts: bool = False
+) -> InputError:
     """Returns the refusal of a channel, with the line that declares it otherwise.
 
     Args:
@@ -26,11 +33,12 @@ def refusal(channels: Channels, channel: str, what: str, *, factor: float = 1.0,
         what: shows it.
         factor: by which what was read is too small in SI units, where its unit is another one.
         turned: whether the sign is the other one.
+        counts: whether what was read is in no unit.
     """
     column = channels.columns[channel]
     sizes = {name: size for name, size in UNITS[channel].items() if base_unit(name) == base_unit(column.unit)}
-    if factor != 1 and column.scale is not None:
-        mended = replace(column, scale=column.scale * factor)
+    if factor != 1 and (counts or column.scale is not None):
+        mended = replace(column, unit="count", scale=float(f"{column.size(channel) * factor:.3g}"))
     elif factor != 1:
         size = sizes[column.unit] * factor
         mended = replace(column, unit=min(sizes, key=lambda name: abs(np.log(sizes[name] / size))))

@@ -8,15 +8,14 @@ from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.hold import Hold
+from jbridge.recordings.plausibility.lengths import FINER, locked_line, swung_share
 from jbridge.recordings.plausibility.motion import (
     CERTAIN,
     STRETCH,
     WORSE,
     Cells,
     Samples,
-    SwingTerms,
     best_scale,
-    certainly_better,
     hanging,
     in_cells,
     other_scale,
@@ -24,7 +23,7 @@ from jbridge.recordings.plausibility.motion import (
     swing_cells,
     swing_terms,
 )
-from jbridge.recordings.plausibility.refusals import FORCE
+from jbridge.recordings.plausibility.refusals import FORCE, times_more
 from jbridge.recordings.plausibility.signs import scale_remedy
 
 ROWS = 5
@@ -41,6 +40,8 @@ FARTHEST = 1.0
 """Angle [rad] beyond which a sensor's zero is not near hanging."""
 HANGS = "The load hangs at "
 """How a sentence on an angle's zero begins."""
+SWINGS = "The load swings "
+"""How one on the scale of an angle begins."""
 CELL = 0.2
 """Time over which a cart's position is averaged for its acceleration [s]."""
 
@@ -88,30 +89,42 @@ def sensor_notes(
         limit, unit = (GRAVITY / length, "rad") if name == "psi" and length is not None else (GRAVITY, "m")
         rows = dead_stops(times, values, resolution[name], limit)
         if rows.size:
-            more = f", and {rows.size - 1} times more" if rows.size > 1 else ""
             other = "" if name == "psi" else ", or something runs against a stop"
             notes.append(
-                f"{name} stops dead at {values[rows[0]]:.4g} {unit} at {times[rows[0]]:.6g} s{more}: the sensor's range"
-                f" ends there, or it hangs{other}; leave such stretches out ([trim], or delete their rows)."
+                f"{name} stops dead at {values[rows[0]]:.4g} {unit} at {times[rows[0]]:.6g}"
+                f" s{times_more(rows.size - 1)}: the sensor's range ends there, or it hangs{other}; leave such"
+                " stretches out ([trim], or delete their rows)."
             )
     if "psi" in samples and length is not None:
         times, psi = samples["psi"]
         position, l = samples.get("x", (times, np.zeros(times.size))), rope(times, samples, length)
-        cells = None if l is None else swing_cells(times, samples["psi"], position, l)
-        if cells is not None:
-            notes += swing_notes(channels, cells, psi, length)
+        if l is not None:
+            share = swung_share(times, samples["psi"], position, l)
+            cells = swing_cells(times, samples["psi"], position, l)
+            found = [] if cells is None or (share or 1.0) < 1.0 / FINER else swing_notes(channels, cells, psi)
+            notes += found
+            if share is not None and not any(note.startswith(SWINGS) for note in found):
+                notes.append(length_note(channels, share, length))
     return notes
 
 
-def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float) -> list[str]:
-    """Returns sentences on an angle whose zero is not where the load hangs or whose scale is another one, and on a rope
-    of another length.
+def length_note(channels: Channels, share: float, length: float) -> str:
+    """Returns the sentence on a load that swings as on a rope that is a share of the length [m] that was read."""
+    line = locked_line(channels, length, share)
+    wrong = "the scale or the offset of l" if "l" in channels.columns else line
+    return (
+        f"The load swings as on a rope of {share * length:.3g} m, and not of {length:.3g} m: if the length is wrong,"
+        f" declare {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
+    )
+
+
+def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray) -> list[str]:
+    """Returns sentences on an angle whose zero is not where the load hangs or whose scale is another one.
 
     Args:
         channels: of the recording.
         cells: of the swing, as `swing_cells` gives them.
         psi: the angle's samples [rad].
-        length: of the rope [m], in the mean.
     """
     notes, column = [], channels.columns["psi"]
     angle = hanging(cells)
@@ -122,28 +135,13 @@ def swing_notes(channels: Channels, cells: Cells, psi: np.ndarray, length: float
         )
     terms = swing_terms(cells)
     factor = other_scale(terms, WORSE, best_scale(terms)) if "x" in channels.columns else None
-    share = swings_otherwise(terms)
     if factor is not None:
         other_way = "" if factor > 0 else ", and the other way"
         notes.append(
-            f"The load swings {abs(factor):.3g} times as far as the motion of its cart makes it swing{other_way},"
+            f"{SWINGS}{abs(factor):.3g} times as far as the motion of its cart makes it swing{other_way},"
             f" unless something else moves it: {scale_remedy(channels, factor)}."
         )
-    elif share is not None:
-        wrong = "the offset of l" if "l" in channels.columns else f"it under {channels.place('l', 'locked')}"
-        notes.append(
-            f"The load swings as on a rope of {share * length:.3g} m, and not of {length:.3g} m: if the length is"
-            f" wrong, declare {wrong}; a rod, or a load as long as its rope, swings otherwise than its length as well."
-        )
     return notes
-
-
-def swings_otherwise(terms: SwingTerms) -> float | None:
-    """Returns the length on which the load swings over the rope's, if it certainly is another one."""
-    force = terms.force()
-    share = terms.share(force)
-    as_read, otherwise = (each * terms.turning + force for each in (1.0, share))
-    return share if share > 0.0 and certainly_better(as_read, otherwise) else None
 
 
 def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: float) -> np.ndarray:

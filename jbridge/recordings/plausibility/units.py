@@ -9,14 +9,21 @@ import numpy as np
 
 from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
-from jbridge.recordings.checks import FASTEST, GRAVITY, SLOWEST, TOO_FAST, excess_of_angle, with_longer_unit
+from jbridge.recordings.checks import FASTEST, LONGEST, SLOWEST, TOO_FAST, as_of_log, excess_of_angle
 from jbridge.recordings.plausibility.drive import CELL
-from jbridge.recordings.plausibility.motion import swing_cells, swing_terms
+from jbridge.recordings.plausibility.lengths import swung_share
+from jbridge.recordings.plausibility.motion import (
+    WORSE,
+    SwingTerms,
+    best_scale,
+    certainly_better,
+    other_scale,
+    swing_cells,
+    swing_terms,
+)
 from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.tables.columns import UNITS, labelled_columns
 
-LONGEST = 20.0
-"""Way of a cart or length of a rope [m] that no laboratory has, and speed that no cart reaches [m/s]."""
 SMALLEST = 1e-3
 """Way of a driven cart [m] below which a header's unit is doubted."""
 HALF, SLIP = 0.5, 0.01
@@ -26,6 +33,8 @@ LEAP = 10.0
 """Multiple of what steps from row to row usually differ by (of which 1 % exceed it) that no motion adds to one."""
 LEFT_OUT = 6
 """Largest changes from step to step that do not count for what is usual: two wrong rows have as many."""
+GON = (np.pi / 200, "gon (400 to a turn)")
+"""Size of a unit of angles that is told from degrees only where that is certain, and what it is called."""
 LEAST = {"x": (0.02, 200.0), "l": (0.02, 200.0), "psi": (0.05, 1000.0)}
 """Step [m, rad], beyond those of the rows around, that is more than a few counts that a sensor missed, and acceleration
 [m/s², rad/s²] that no rig reaches."""
@@ -36,11 +45,11 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
     times = channels.values["t"]
     step = float(np.median(np.diff(times)))
     if step > SLOWEST:
-        factor = 1e-3 if 1e-3 * step <= SLOWEST else 1e-6
-        yield refusal(channels, "t", f"a row every {step:.4g} s is too slow for a swing", factor=factor)
+        yield refusal_of_steps(channels, f"a row every {step:.4g} s is too slow for a swing", step)
         return
     if step < FASTEST:
-        yield refusal_of_steps(channels, step)
+        what = f"a row every {step:.3g} s is more often than any log of a rig"
+        yield refusal_of_steps(channels, what, step)
         return
     jumps = list(doubtful_jumps(channels))
     if jumps:
@@ -67,15 +76,12 @@ def doubtful_units(channels: Channels) -> Iterator[InputError]:
             yield from doubtful_rest(channels, size)
 
 
-def refusal_of_steps(channels: Channels, step: float) -> InputError:
-    """Returns the refusal of times that follow each other too closely [s], with the unit that mends it, if one does."""
+def refusal_of_steps(channels: Channels, what: str, step: float) -> InputError:
+    """Returns the refusal of times that are too close or too far apart [s], with the unit that mends it."""
     column = channels.columns["t"]
-    longer = with_longer_unit(column, step)
-    remedy = "give the time in s" if longer is None else f"declare {longer.line('t')} under {channels.place('t')}"
-    return InputError(
-        f"{channels.table.path}, column {cut(column.name)}: a row every {step:.3g} s is more often than any log of a"
-        f" rig; {remedy}{FORCE}"
-    )
+    mended = as_of_log(column, step)
+    remedy = "give the time in s" if mended is None else f"declare {mended.line('t')} under {channels.place('t')}"
+    return InputError(f"{channels.table.path}, column {cut(column.name)}: {what}; {remedy}{FORCE}")
 
 
 def doubtful_rest(channels: Channels, way: float) -> Iterator[InputError]:
@@ -134,40 +140,59 @@ def doubtful_angle(channels: Channels, locked_length: float | None) -> Iterator[
     """Yields the refusal of an angle that accelerates as no load does: one in degrees or milliradians."""
     values = channels.values
     length = values.get("l", locked_length)
-    if "psi" not in values or length is None:
+    if "psi" not in values or length is None or ("l" not in values and length > LONGEST):
         return
     excess = excess_of_angle(values["t"], values["psi"], values.get("x"), np.broadcast_to(length, values["t"].shape))
     if excess > TOO_FAST:
+        times, x = values["t"], values.get("x", np.zeros(values["t"].size))
+        l = times, np.array(np.broadcast_to(length, times.shape))
+        share = swung_share(times, (times, values["psi"]), (times, x), l, holding=True)
+        if share is not None and share * excess <= TOO_FAST:
+            return  # the length is at fault, which a note says
         far = float(np.abs(values["psi"] - np.median(values["psi"])).max())
-        unit, called = unit_of_angle(values["t"], values["psi"], values.get("x"), length, excess)
+        size, called = size_of_angle(values["t"], values["psi"], values.get("x"), length, excess)
         what = f"a swing of {far:.4g} rad, {excess:.0f} times as fast as gravity and the cart can make it"
-        yield refusal(channels, "psi", f"{what}, is in {called}", factor=UNITS["psi"][unit])
+        counts = size not in UNITS["psi"].values()
+        yield refusal(channels, "psi", f"{what}, is in {called}", factor=size, counts=counts)
 
 
-def unit_of_angle(
+def size_of_angle(
     times: np.ndarray, psi: np.ndarray, x: np.ndarray | None, length: np.ndarray | float, excess: float
-) -> tuple[str, str]:
-    """Returns the unit of an angle in which the load's equation holds best, and what it is called.
+) -> tuple[float, str]:
+    """Returns the size [rad] of an angle's unit in which the load's equation holds best, and what it is called.
 
     Where a recording is too short for that, the excess decides: degrees read as radians turn 180 / pi times too fast
-    at most, for a length wrong by two twice that.
+    at most, for a length wrong by two twice that. In degrees or milliradians, cart and load must agree; where they do
+    not, the angle is in counts of the size at which they do, unless the load then turns over.
     """
-    called = {"deg": "degrees", "mrad": "milliradians"}
+    deg, mrad = ((UNITS["psi"][unit], called) for unit, called in (("deg", "degrees"), ("mrad", "milliradians")))
     if np.ptp(psi) < 1.01 * 360 and np.abs(np.diff(psi)).max() > 0.9 * 360:
-        return "deg", called["deg"]  # the sensor starts again at each turn
+        return deg  # the sensor starts again at each turn
     l = times, np.array(np.broadcast_to(length, times.shape))
     position = times, np.zeros_like(times) if x is None else x
-    left = {}
-    for unit in called:
-        angle = times, np.unwrap(UNITS["psi"][unit] * psi)
-        cells = swing_cells(times, angle, position, l)
-        if cells is not None:
-            parts = (cells.middle("l") * cells.acceleration("psi"), GRAVITY * cells.middle("sin"))
-            size = sum(float(np.var(part[cells.whole])) for part in parts)
-            errors = [float(np.mean(swing_terms(cells).errors(way) ** 2)) for way in (1.0, -1.0)]
-            left[unit] = min(errors) / max(size, 1e-300)
-    if len(left) == len(called) and 1.1 * min(left.values()) < max(left.values()):
-        unit = min(left, key=lambda name: left[name])
-    else:
-        unit = "deg" if excess < TOO_FAST * 180 / np.pi else "mrad"
-    return unit, called[unit]
+
+    def read(size: float) -> tuple[SwingTerms, np.ndarray] | None:
+        """The terms of the load's equation, and what it leaves of them at the better sign."""
+        cells = swing_cells(times, (times, np.unwrap(size * psi)), position, l)
+        if cells is None:
+            return None
+        terms = swing_terms(cells)
+        errors = min((terms.errors(way) for way in (1.0, -1.0)), key=lambda each: float(np.sum(each**2)))
+        return terms, errors / np.sqrt(max(float(np.var(terms.turning) + np.var(terms.weight)), 1e-300))
+
+    by_excess = deg if excess < TOO_FAST * 180 / np.pi else mrad
+    found = {each: read(each[0]) for each in (deg, mrad, GON)}
+    left = {each: 0.0 if one is None else float(np.mean(one[1] ** 2)) for each, one in found.items()}
+    best = by_excess
+    if 1.1 * min(left[deg], left[mrad]) < max(left[deg], left[mrad]):
+        best = min((deg, mrad), key=lambda each: left[each])
+    as_read, in_gon = found[best], found[GON]
+    if x is None or as_read is None or in_gon is None:
+        return best
+    if certainly_better(as_read[1], in_gon[1]):
+        return GON
+    factor = other_scale(as_read[0], WORSE, best_scale(as_read[0]))
+    size = best[0] / abs(factor or 1.0)
+    if factor is None or size * np.ptp(psi) > 2 * np.pi:
+        return best
+    return size, f"counts of about {size:.3g} rad, as the way of its cart shows (2 pi over the counts of a turn)"

@@ -13,7 +13,9 @@ import numpy as np
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 ANGLES = {"rad": 1.0, "deg": pi / 180, "mrad": 1e-3}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "day": 86400.0}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "day": 86400.0}
+OF_EXPORTS = {"min", "h", "day"}
+"""Times in which spreadsheets count and no log does."""
 INPUT_UNITS = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "%": 1.0, "count": 1.0, "N": 1.0, "N m": 1.0}
 GAINS = {"u_x": "cart_gain", "u_l": "hoist_gain"}
 """The parameter that turns an input into a force."""
@@ -24,8 +26,9 @@ UNITS = {"t": TIMES, "u_x": INPUT_UNITS, "u_l": INPUT_UNITS, "x": LENGTHS, "psi"
 """Per channel: its units, each with its size in SI; the first is the one that an undeclared column has."""
 CHANNELS = tuple(UNITS)
 SPELLINGS = {
-    "seconds": "s", "sec": "s", "millis": "ms", "micros": "us", "days": "day", "volts": "V", "volt": "V", "v": "V",
-    "a": "A", "ma": "mA", "mv": "mV", "counts": "count", "metres": "m", "meters": "m", "degrees": "deg",
+    "seconds": "s", "sec": "s", "millis": "ms", "msec": "ms", "micros": "us", "usec": "us", "µs": "us", "μs": "us",
+    "nanos": "ns", "nsec": "ns", "minutes": "min", "hours": "h", "days": "day", "volts": "V", "volt": "V", "v": "V",
+    "a": "A", "ma": "mA", "mv": "mV", "nm": "N m", "counts": "count", "metres": "m", "meters": "m", "degrees": "deg",
     "degree": "deg", "°": "deg", "radians": "rad", "percent": "%", "pwm": "count",
 }  # fmt: skip
 """Units as names of columns spell them."""
@@ -36,12 +39,10 @@ NEAR = {
     ),
     "u_x": (
         "ux", "u", "ucart", "utrolley", "umotor", "input", "voltage", "command", "control", "motor", "motorvoltage",
-        "cartvoltage", "pwm", "cartpwm", "pwmcart", "pwmtrolley", "v", "volt", "volts", "uin", "spannung", "duty",
-        "entrada", "voltaje", "entree", "commande", "tensione", "ingresso", "tensao", "spanning", "xvolt", "xvoltage",
+        "cartvoltage", "v", "volt", "volts", "uin", "spannung", "entrada", "voltaje", "entree", "commande", "tensione",
+        "ingresso", "tensao", "spanning", "xvolt", "xvoltage",
     ),
-    "u_l": (
-        "ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "pwmhoist", "hoistpwm", "hoistmotor",
-    ),
+    "u_l": ("ul", "uhoist", "uwinch", "hoistvoltage", "winchvoltage", "hoistinput", "hoistmotor"),
     "x": (
         "x", "pos", "position", "cart", "cartpos", "cartposition", "xcart", "poscart", "xpos", "posx", "trolley",
         "trolleypos", "trolleyposition", "xtrolley", "wagen", "wagenposition", "katze", "laufkatze", "posicion",
@@ -65,6 +66,10 @@ CURRENTS = {
     "u_l": ("hoistcurrent", "winchcurrent"),
 }  # fmt: skip
 """What they call a drive's current, which is its input where nothing else is logged that may be."""
+COMPUTED = re.compile("pwm|duty|cycle")
+"""What says of an input's name that it is in the counts of the program that computes it."""
+COMPUTED_FOR = {"u_x": ("", "x", "cart", "trolley", "output"), "u_l": ("l", "hoist", "winch")}
+"""What may stand beside that, besides what the input is called otherwise."""
 MEASURED_AS = {"meas", "measured", "act", "actual", "ist", "raw", "enc", "encoder", "sensor"}
 """Words that say of a channel's name that it is measured."""
 RAW = {"raw"}
@@ -180,11 +185,39 @@ def labelled_columns(channel: str, names: Iterable[str]) -> list[Column]:
     for name in names:
         match = re.fullmatch(rf"{channel}\s*(?:\[(.+)\]|\((.+)\)|/\s*(.+))", name.strip())
         if match:
-            unit = next(filter(None, match.groups())).strip()
-            unit = unit if unit in UNITS[channel] else SPELLINGS.get(unit.lower(), unit)
-            if unit in UNITS[channel] and (unit != "count" or channel in GAINS):
+            unit = spelled(next(filter(None, match.groups())), channel)
+            if unit and (unit != "count" or channel in GAINS):
                 found.append(Column(name, unit))
     return found
+
+
+def spelled(unit: str, channel: str) -> str:
+    """Returns a unit of a channel as `UNITS` has it; nothing where the channel has no such unit."""
+    unit = unit.strip()
+    unit = unit if unit in UNITS[channel] else SPELLINGS.get(unit.lower(), unit.lower())
+    return unit if unit in UNITS[channel] else ""
+
+
+def unit_in(name: str, channel: str) -> tuple[str, list[str]]:
+    """Returns the unit with which a column's name ends, in brackets or as a word, and the words before it.
+
+    Words are in small letters without accents. A name that is a unit alone is a word, too.
+
+    >>> unit_in("Tiempo [min]", "t"), unit_in("Länge_mm", "l")
+    (('min', ['tiempo']), ('mm', ['lange']))
+    """
+    bracket = re.search(r"[\[(]([^][()]+)[\])]\s*$", name)
+    if bracket and spelled(bracket[1], channel):
+        return spelled(bracket[1], channel), words_in(name[: bracket.start()])
+    words = words_in(name)
+    unit = spelled(words[-1], channel) if words else ""
+    return unit, words[:-1] if unit and len(words) > 1 else words
+
+
+def words_in(name: str) -> list[str]:
+    """Returns the words of a name, in small letters without accents."""
+    letters = unicodedata.normalize("NFD", name.replace("m/s", "velocity").lower())
+    return re.findall(r"[^\W\d_]+|%|°", "".join(each for each in letters if not unicodedata.combining(each)))
 
 
 def near_column(
@@ -210,18 +243,16 @@ def near_column(
     """
     found: list[tuple[int, Column]] = []
     for name in names:
-        letters = unicodedata.normalize("NFD", name.replace("m/s", "velocity").lower())
-        words = re.findall(r"[^\W\d_]+|%|°", "".join(each for each in letters if not unicodedata.combining(each)))
-        if not words or not OTHER.isdisjoint(words):
+        unit, whole = unit_in(name, channel)
+        if not whole or not OTHER.isdisjoint(whole):
             continue
-        unit = SPELLINGS.get(words[-1], words[-1])
-        named = unit in UNITS[channel]
-        whole = words[:-1] if named and len(words) > 1 else words
         known, measured = NEAR[channel], not channel.startswith("u_")
         bare = [word for word in whole if word not in MEASURED_AS] or whole if measured else whole
         raw = measured and not RAW.isdisjoint(whole)
         current = "".join(word for word in whole if word not in MEASURED_AS) in CURRENTS.get(channel, ())
-        if "".join(whole) in known:
+        computed = not measured and bool({"pwm", "duty"}.intersection(COMPUTED.findall(name.lower())))
+        drive = COMPUTED.sub("", "".join(whole))
+        if "".join(whole) in known or (computed and drive in (*known, *COMPUTED_FOR[channel])):
             rank = 0
         elif "".join(bare) in known:
             rank = 2 if raw else 1
@@ -231,10 +262,9 @@ def near_column(
             rank = 4
         else:
             continue
-        if not named:
-            said = SPELLINGS.get(told.get(name, "").lower(), told.get(name, ""))
+        if not unit:
             larger = [unit for least, unit in UNITS_BY_SIZE.get(channel, ()) if sizes.get(name, 0.0) > least]
             usual = (larger or [plain_column(channel).unit])[-1]
-            unit = said if said in UNITS[channel] else "count" if raw else "A" if current else usual
+            unit = spelled(told.get(name, ""), channel) or ("count" if raw or computed else "A" if current else usual)
         found.append((rank, Column(name, unit)))
     return min(found, key=lambda each: each[0], default=(0, None))[1]

@@ -23,6 +23,25 @@ from jbridge.recordings.tables.table import Table
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 """Control characters that no text carries; tabs, line breaks and escapes are not among them."""
+NO_TABLES = (
+    (r"<", "a web page (HTML or XML), not a recording; download the file itself, not its page"),
+    (
+        r"\{|\[\s*[\[{\"\d-]",
+        "JSON, not a table; write its signals as columns of comma-separated text, or read it in Python and give the"
+        " arrays to jbridge.Recording.from_arrays",
+    ),
+    (
+        r"LabVIEW Measurement",
+        "a LabVIEW measurement file (.lvm); write it again with 'No headers', as text with the names of the columns in"
+        " the first row, or delete all rows above that of the names (X_Value, ...) and the column Comment",
+    ),
+    (
+        r"(?:[^\W\d]\w*:\s*[-+]?\d[\d.eE+-]*[ \t,;]*){2,}(?:\n|\Z)",
+        "a name with each number, as for a serial plotter; print the names once, in a first row such as t,u_x,x,psi,"
+        " and then numbers alone with commas between them",
+    ),
+)
+"""Beginnings of texts that are no tables, what they are and what to do."""
 
 
 def read_csv(path: Path, content: bytes) -> Table:
@@ -92,10 +111,10 @@ def decode(path: Path, content: bytes) -> str:
         ) from None
     if not text.strip():
         raise InputError(f"{path}: the file is empty; record or export the run again")
-    if text.lstrip().startswith("<"):
-        raise InputError(
-            f"{path}, row 1: a web page (HTML or XML), not a recording; download the file itself, not its page"
-        )
+    begins = text.lstrip()
+    for beginning, what in NO_TABLES:
+        if re.match(beginning, begins):
+            raise InputError(f"{path}, row {text.count(chr(10), 0, len(text) - len(begins)) + 1}: {what}")
     return text
 
 
