@@ -79,10 +79,7 @@ def _wrapped(function: str) -> str:
     names = "ab" if function in _OF_TWO else "a"
     given, single, full = (", ".join(f"{kind}{name}" for name in names) for kind in ("P_real ", "(float)", "(double)"))
     choice = f"(P_real){function}f({single}) : (P_real){function}({full})"
-    return (
-        f"static inline P_real P_{function}({given}) {{\n"
-        f"    return sizeof(P_real) < sizeof(double) ? {choice};\n}}"
-    )
+    return f"static inline P_real P_{function}({given}) {{\n    return sizeof(P_real) < sizeof(double) ? {choice};\n}}"
 
 
 def constant(value: Any) -> str:

@@ -68,6 +68,8 @@ class Tuning:
     """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) at which a move begins or ends."""
     recorded: Mapping[str, tuple[float, float]]
     """The same in the model's recordings; see `Model.recorded`."""
+    units: Mapping[str, str]
+    """Unit of each input where it is not volts; see `Model.units`."""
     rollouts: int
     """Simulated moves, gradients counted once."""
     seconds: float
@@ -178,6 +180,7 @@ def tune(  # noqa: PLR0913
         responses=(before, after),
         reached=_reached(legs, others.legs),
         recorded=model.recorded,
+        units=model.units,
         rollouts=rollouts,
         seconds=time.perf_counter() - begun,
     )
