@@ -72,14 +72,20 @@ def check_limits(model: Model, controller: Controller) -> None:
     """Checks that every drive of a model can move what it drives in one direction at least.
 
     Raises:
-        InputError: the limit of a drive lies within its dead zone.
+        InputError: the limit of a drive lies within its dead zone, or is the paper's in volts where the input has
+            another unit.
     """
     limits = np.asarray(limits_of(controller.law)).tolist()
     for limit, (name, axis, site) in list(zip(limits, _DRIVES, strict=True))[: 2 if model.has_hoist else 1]:
+        unit = model.units.get(name, "V")
+        if unit != "V" and limit in LIMITS:
+            raise InputError(
+                f"{controller.source or 'the controller'}: it drives the {axis} with {limit:g} V at most, but the"
+                f" model's {name} is in {unit}; give a controller for {unit}, with {axis}_limit under [compensation]"
+            )
         zones = list(model.plant.all(DeadZone, site))
         least = min(sum(float(getattr(zone, side)) for zone in zones) for side in ("positive", "negative"))
         if limit <= least:
-            unit = model.units.get(name, "V")
             volts = "" if unit == "V" else "; rules and gains in volts do not suit an input in another unit"
             raise InputError(
                 f"{controller.source or 'the controller'}: it drives the {axis} with {limit:.4g} {unit} at most, within"

@@ -121,10 +121,11 @@ def tune(  # noqa: PLR0913
     tell = progress or silent
     requires(model, model.axes)
     check_limits(model, controller)
-    if min(plants, held_out, steps, starts) < 1 or seed < 0:
-        raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
-    if max(plants, held_out, steps, starts) > MOST:
-        raise InputError(f"plants, held_out, steps and starts must be at most {MOST}")
+    for name, number in {"plants": plants, "held_out": held_out, "steps": steps, "starts": starts}.items():
+        if not 1 <= number <= MOST:
+            raise InputError(f"{name} {number}: give at least 1 and at most {MOST}")
+    if seed < 0:
+        raise InputError(f"seed {seed}: give 0 or more")
     if legs is None:
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     ropes = {*np.ravel([legs.start[..., 1], legs.goal[..., 1]]).tolist(), *(region or PAPER_REGION).rope}

@@ -86,9 +86,10 @@ def test_a_reference_outside_of_the_recordings_is_warned_of_first():
 
 def run_of(*, recorded=None, units=None, **changed):
     """One along 0.2 to 0.7 m, with positions and commands replaced."""
-    model = Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, recorded=recorded or {}, units=units or {})
+    model = Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, recorded=recorded or {})
     pid = Controller(Pid(cart_p=60.0, hoist_p=60.0, compensation=compensation_for(model.plant)))
     run = track(model, pid, smooth_path([(0.2, 0.4), (0.7, 0.5)], speed=(0.3, 0.2), rest=4.0, period=0.02))
+    run = dataclasses.replace(run, units=units or {})
     own = {"x": run.position, "u_x": run.command}
     for key, change in changed.items():
         name = "position" if key == "x" else "command"

@@ -37,16 +37,22 @@ def test_a_shaped_reference_leaves_less_swing_and_is_measured_against_the_wanted
     assert len(runs()["shaped"].times) == len(runs()["plain"].times) + 71
 
 
-@pytest.mark.parametrize(("width", "moves"), [(2.9, True), (3.0, False), (21.0, False)])
+@pytest.mark.parametrize(("width", "moves"), [(3.9, True), (4.0, False), (21.0, False)])
 def test_a_limit_within_the_dead_zone_is_refused(width, moves):
-    """The drives end at 3 V where a controller says no more."""
+    """The drives end where the controller says."""
+    given = Controller(Pid(compensation=Compensation(cart_limit=4.0, hoist_limit=9.0)))
     plant = make_plant(("dead_zone", "cart_drive", {"positive": width, "negative": 30.0}))
     model = dataclasses.replace(MODEL, plant=plant, units={"u_x": "count"})
     if moves:
-        check_limits(model, PID)
+        check_limits(model, given)
     else:
-        with pytest.raises(InputError, match=f"3 count at most, .* dead zone of {width:g} count, .* set cart_limit"):
-            check_limits(model, PID)
+        with pytest.raises(InputError, match=f"4 count at most, .* dead zone of {width:g} count, .* set cart_limit"):
+            check_limits(model, given)
+
+
+def test_the_papers_volts_are_no_limits_of_counts():
+    with pytest.raises(InputError, match="3 V at most, but the model's u_x is in count; give a controller for count"):
+        check_limits(dataclasses.replace(MODEL, units={"u_x": "count"}), PID)
 
 
 def test_a_model_without_a_hoist_has_its_rope_locked():
