@@ -82,6 +82,7 @@ from .sweep.spec import load_sweep as load_sweep
 from .trajectory import Path as Path
 from .trajectory import smooth_path as smooth_path
 from .tuning.compensation import compensation_for as compensation_for
+from .tuning.compensation import drive_limits as drive_limits
 from .tuning.cost import Cost as Cost
 from .tuning.cost import Measure as Measure
 from .tuning.cost import measure as measure
@@ -99,6 +100,7 @@ from .tuning.knobs import knobs_of as knobs_of
 from .tuning.lqr import linear_model as linear_model
 from .tuning.lqr import lqg_controller as lqg_controller
 from .tuning.lqr import lqr_controller as lqr_controller
+from .tuning.lqr import pid_for as pid_for
 from .tuning.objectives import usual_goal as usual_goal
 from .tuning.tune import Tuning as Tuning
 from .tuning.tune import tune as tune

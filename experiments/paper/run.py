@@ -134,7 +134,7 @@ def control() -> dict:
     controller = jbridge.Controller(jbridge.paper_controller())
     path = jbridge.paper_path(controller.period)
     model = jbridge.load_model(OUT / "fitted" / "model.toml")
-    tracking = jbridge.track(model, controller, path)
+    tracking = jbridge.track(model, controller, path, noise=(0.0, 0.0, 0.0))
     table = play(sampled(controller, path), float(path.times[-1]), 11, x=float(path.x[0]), l=float(path.l[0]))
     every = round(controller.period / 0.005)
     rig = {name: values[::every][: len(path.times)] for name, values in table.items()}

@@ -1,6 +1,7 @@
 """`jbridge control`: how a controller moves the load."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import jbridge
@@ -38,16 +39,16 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> None:
     files = arguments.controller or [None]
     given = [path for path in (arguments.model, *files, arguments.reference) if path]
-    names = [Path(file or "paper").stem for file in files]
-    if len(set(names)) < len(names):
-        raise InputError(
-            f"--controller: {', '.join(map(str, files))} are called alike; rename one, its results need it"
-        )
+    names = _names(files)
     jbridge.check_output(arguments.out, folder=True, inputs=given)
     console("reading")
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     controllers = {name: controller_of(file) for name, file in zip(names, files, strict=True)}
+    folders = {name: Path(arguments.out) / (name if len(files) > 1 else "") for name in names}
+    for folder in folders.values():
+        read = [path for controller in controllers.values() for path in controller.files]
+        jbridge.check_output(folder, folder=True, inputs=[*given, *read])
     runs, failed = {}, {}
     for name, controller in controllers.items():
         if arguments.reference:
@@ -62,7 +63,6 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     if not runs:
         raise InputError("; ".join(dict.fromkeys(failed.values())))
     alone = len(controllers) == 1
-    folders = {name: Path(arguments.out) if alone else Path(arguments.out) / name for name in runs}
     texts = []
     for name, track in runs.items():
         console("drawing")
@@ -71,6 +71,18 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     if len(runs) > 1:
         texts.append(jbridge.describe_rivals(runs))
     # Those that run are compared all the same.
-    console.show("\n".join(texts), lambda: {name: written(folder, "control.json") for name, folder in folders.items()})
+    console.show("\n".join(texts), lambda: {name: written(folders[name], "control.json") for name in runs})
     if failed:
         raise InputError("; ".join(dict.fromkeys(failed.values())))
+
+
+def _names(files: Sequence[str | None]) -> list[str]:
+    """What controllers are called: by their files, and those whose files are called alike by their folders."""
+    paths = [Path(file or "paper") for file in files]
+    stems = [path.stem for path in paths]
+    names = [path.resolve().parent.name if stems.count(path.stem) > 1 else path.stem for path in paths]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"--controller: {', '.join(map(str, files))} are called alike; rename one, its results need it"
+        )
+    return names

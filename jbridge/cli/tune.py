@@ -41,6 +41,13 @@ def add(commands: Commands) -> None:
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
     tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
+    tune.add_argument(
+        "--limits",
+        type=float,
+        nargs=2,
+        metavar=("CART", "HOIST"),
+        help="largest commands, in the inputs' unit (3 10 V)",
+    )
     tune.add_argument("--shaping", choices=("zv", "zvd"), help="shape the reference for a rope in the middle of --rope")
     tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
     tune.add_argument("--out", metavar="DIR", required=True, help=OUT)
@@ -55,9 +62,12 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     jbridge.set_up(arguments.cache)
     model = jbridge.load_model(arguments.model)
     if arguments.controller or arguments.rules == "paper":
+        if arguments.limits:
+            raise InputError("--limits: a controller's file and the paper's rules have their own; give other --rules")
         controller = controller_of(arguments.controller)
     else:
-        controller = _law(arguments.rules, model)
+        controller = _law(arguments.rules, model, arguments.limits)
+    jbridge.check_output(arguments.out, folder=True, inputs=[*given, *controller.files])
     region = _region(arguments.rail, arguments.rope)
     if arguments.shaping:
         controller = _shaped(controller, arguments.shaping, model, region or jbridge.PAPER_REGION)
@@ -77,13 +87,16 @@ def run(arguments: argparse.Namespace, console: Console) -> None:
     console.show(jbridge.describe_tuning(tuning, arguments.out), lambda: written(arguments.out, "tune.json"))
 
 
-def _law(rules: str, model: "jbridge.Model") -> "jbridge.Controller":
-    """A controller to begin with, made for a model."""
-    given = jbridge.compensation_for(model.plant)
+def _law(rules: str, model: "jbridge.Model", limits: list[float] | None) -> "jbridge.Controller":
+    """A controller to begin with, made for a model and the largest commands of its drives."""
+    cart, hoist = limits or jbridge.drive_limits(model)
+    if not (0.0 < cart < math.inf and 0.0 < hoist < math.inf):
+        raise InputError(f"--limits {cart:g} {hoist:g}: give the largest command of the cart and of the hoist, above 0")
+    given = jbridge.compensation_for(model.plant, limits=(cart, hoist))
     if rules == "extended":
         return jbridge.Controller(jbridge.extended_controller(given))
     if rules == "pid":
-        return jbridge.Controller(jbridge.Pid(compensation=given))
+        return jbridge.Controller(jbridge.pid_for(given))
     return (jbridge.lqg_controller if rules == "lqg" else jbridge.lqr_controller)(model, given)
 
 

@@ -46,10 +46,11 @@ def extended_controller(compensation: Compensation | None = None) -> FuzzyContro
     Args:
         compensation: of what friction and dead zones take; `tuning.compensation_for` has a model's.
     """
+    limits = LIMITS if compensation is None else compensation.limits.tolist()
     cart = _system(
-        (error_sets(0.03, 0.15), velocity_sets(), angle_sets(0.0, 8.0, 2.0)), voltage_sets(LIMITS[0]), TRACKING + SWING
+        (error_sets(0.03, 0.15), velocity_sets(), angle_sets(0.0, 8.0, 2.0)), voltage_sets(limits[0]), TRACKING + SWING
     )
-    hoist = _system((error_sets(0.03, 0.1), velocity_sets()), voltage_sets(LIMITS[1]), TRACKING)
+    hoist = _system((error_sets(0.03, 0.1), velocity_sets()), voltage_sets(limits[1]), TRACKING)
     scale = as_number(SCALE)
     return FuzzyController(cart, hoist, scale, scale, compensation=compensation, relative_speed=True)
 

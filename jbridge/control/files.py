@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..trajectory import Path as SignalPath
 from .base import AbstractController
 from .fuzzy import FuzzyController
-from .fuzzy_files import KEYS, fuzzy_lines, read_fuzzy
+from .fuzzy_files import KEYS, fis_named, fuzzy_lines, read_fuzzy
 from .linear import ObserverFeedback, Pid, StateFeedback
 from .linear_files import (
     FEEDBACK_KEYS,
@@ -46,6 +46,8 @@ class Controller:
     """The file that it was read from, for messages."""
     shaping: Shaping | None = None
     """What is done to a reference before it is followed."""
+    files: tuple[str, ...] = field(default=(), compare=False)
+    """What it was read from: its own file and the `.fis` files that this names."""
 
     def follows(self, path: SignalPath) -> SignalPath:
         """The reference that the law is given for a wanted one."""
@@ -91,7 +93,7 @@ def load_controller(path: str | os.PathLike[str]) -> Controller:
             f"period = {shown(period)} s is not from {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g};"
             f" write it as period = {PERIOD}"
         )
-    return Controller(law, period, str(path), shaping)
+    return Controller(law, period, str(path), shaping, (str(path), *fis_named(document, Path(path))))
 
 
 def save_controller(path: str | os.PathLike[str], controller: Controller) -> None:

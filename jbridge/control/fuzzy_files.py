@@ -58,6 +58,13 @@ def read_fuzzy(file: Where, document: Mapping[str, Any], path: Path) -> FuzzyCon
     )
 
 
+def fis_named(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+    """The `.fis` files that a controller's file names."""
+    given = [document.get(axis) for axis in INPUTS]
+    names = [each.get("fis") if isinstance(each, dict) else each for each in given]
+    return tuple(str(path.parent / name) for name in names if isinstance(name, str))
+
+
 def fuzzy_lines(path: Path, law: FuzzyController) -> tuple[list[str], list[str]]:
     """Keys and tables of a law; `read_fuzzy` reads the same law from them.
 

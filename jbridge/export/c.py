@@ -63,7 +63,8 @@ A controller of cart and hoist, written by jbridge. All numbers are in SI units,
     P_start(&state, measured);                        once, with what the encoders read at rest
     P_step(&state, measured, reference, command);     every SECONDS s
 
-measured: x [m], psi [rad], l [m]. reference: x [m], l [m] and their speeds [m/s]. command: u_x, u_l [V].
+measured: x [m], psi [rad], l [m]. reference: x [m], l [m] and their speeds [m/s].
+command: u_x, u_l, in the unit of the model's inputs (volts where nothing else is said).
 """
 _PAST = """
     /* References of the cart, position and speed, from the newest at `newest` on backwards in time. */

@@ -4,7 +4,8 @@ Every constant that depends on the sets alone is computed here, and the degrees 
 so that a step of the controller is comparisons, a few multiplications and one pass over the grid.
 """
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -145,8 +146,19 @@ def system_source(name: str, system: AbstractSystem) -> str:
     else:
         raise InputError(f"a {type(system).__name__} has no form in C; export a Mamdani or a Sugeno system")
     lines = [*tables, *lines, f"static P_real P_{name}(const P_real input[{len(system.inputs)}]) {{"]
-    lines += [f"    {line}" for line in (*_inputs(system.inputs, system.matlab), *_strengths(system), *body)]
+    statements = _mentioned((*_inputs(system.inputs, system.matlab), *_strengths(system), *body))
+    lines += [f"    {line}" for line in statements]
     return "\n".join([*lines, "}", ""])
+
+
+def _mentioned(statements: Iterable[str]) -> list[str]:
+    """Statements without declarations that no later one mentions: an input may have no sets, and C no empty array."""
+    kept: list[str] = []
+    for statement in reversed(list(statements)):
+        declared = re.match(r"const P_real (\w+)", statement)
+        if declared is None or any(re.search(rf"\b{declared[1]}\b", later) for later in kept):
+            kept.insert(0, statement)
+    return kept
 
 
 def _in_comment(text: str) -> str:

@@ -48,6 +48,7 @@ def header(name: str, *, about: str, period: float, members: str, functions: str
     """
     if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(f"{name!r} is no name in C; use letters, digits and underscores, a letter first")
+    functions = re.sub(rf"\b({'|'.join(_MATH)})\(", r"P_\1(", functions)
     rows = np.concatenate([test.given, test.wanted], axis=1)
     texts = {
         "ABOUT": "\n".join(f" * {line}".rstrip() for line in about.splitlines()),
@@ -62,6 +63,7 @@ def header(name: str, *, about: str, period: float, members: str, functions: str
         "WHAT": test.what,
         "DOUBLE": constant(test.tolerances["double"]),
         "FLOAT": constant(test.tolerances["float"]),
+        "MATH": "\n".join(_wrapped(each) for each in _MATH if f"P_{each}(" in functions + _TEXT),
         "FUNCTIONS": functions.strip("\n") + "\n",
         "SECONDS": repr(period),
         "P_NAME": name.upper(),
@@ -70,6 +72,14 @@ def header(name: str, *, about: str, period: float, members: str, functions: str
     for key, value in texts.items():
         text = text.replace(key, value)
     return re.sub(r"\bR\(", f"{name}_C(", re.sub(r"\bP_", f"{name}_", text))
+
+
+def _wrapped(function: str) -> str:
+    """The definition of a function of <math.h> that computes in `P_real`."""
+    names = "ab" if function in _OF_TWO else "a"
+    given, single, full = (", ".join(f"{kind}{name}" for name in names) for kind in ("P_real ", "(float)", "(double)"))
+    choice = f"(P_real){function}f({single}) : (P_real){function}({full})"
+    return f"static inline P_real P_{function}({given}) {{\n    return sizeof(P_real) < sizeof(double) ? {choice};\n}}"
 
 
 def constant(value: Any) -> str:
@@ -82,6 +92,11 @@ def constant(value: Any) -> str:
     return "NAN" if math.isnan(number) else "INFINITY" if number > 0 else "(-INFINITY)"
 
 
+_OF_TWO = ("atan2", "fmod", "pow")
+_MATH = (
+    "ceil", "cos", "exp", "expm1", "fabs", "floor", "log", "log1p", "rint", "sin", "sqrt", "tan", "tanh", *_OF_TWO,
+)  # fmt: skip
+"""Functions of <math.h> that texts may call. Not by <tgmath.h>, which small machines' libraries lack."""
 _TEXT = """\
 /*
 ABOUT
@@ -91,7 +106,7 @@ ABOUT
  */
 #ifndef P_NAME_H
 #define P_NAME_H
-#include <tgmath.h>
+#include <math.h>
 
 #ifndef P_NAME_REAL
 #define P_NAME_REAL double
@@ -103,6 +118,8 @@ typedef P_NAME_REAL P_real;
 typedef struct {
 MEMBERS
 } P_state;
+
+MATH
 
 FUNCTIONS
 static inline int P_self_test(void) {
@@ -118,7 +135,7 @@ ROWS
     for (i = 0; i < COUNT; ++i) {
         EACH
         for (k = 0; k < FOUND; ++k)
-            if (!(fabs(found[k] - samples[i][GIVEN + k]) <= tolerance)) ++failed;
+            if (!(P_fabs(found[k] - samples[i][GIVEN + k]) <= tolerance)) ++failed;
     }
     return failed;
 }

@@ -18,6 +18,11 @@ TARGETS = ("c", "fmu", "mujoco", "statespace", "matlab")
 """Languages: C99 for controllers and models, the others for models."""
 PERIOD = 0.01
 """Time between samples of a model in C or in a unit where nothing else is said [s]."""
+_RESERVED = frozenset(
+    "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return spmd "
+    "switch try while".split()
+)
+"""Words that no function of MATLAB is called by."""
 ROPE = 0.5
 """Length of the rope at a model's working point where nothing else is said [m]."""
 
@@ -53,6 +58,8 @@ def save_export(
     name = name if re.match("[A-Za-z]", name) else f"bridge_{name}"
     document = read_toml(path, "model or controller", "a [bridge] table, or the kind of a controller")
     if "bridge" in document or ("kind" not in document and target != "c"):
+        if target == "matlab" and name in _RESERVED:
+            name = f"bridge_{name}"
         content, end = _model(path, name, target, rope, PERIOD if period is None else period)
     elif period is not None:
         Where(str(path)).refuse(f"a controller has its own period; leave out --period {period:g}, or change it there")
@@ -78,7 +85,7 @@ def _model(path: Path, name: str, target: str, rope: float, period: float) -> tu
         return model_header(model, name, period=period, rope=rope), ".h"
     if target == "fmu":
         return model_unit(model, name, period=period, rope=rope), ".fmu"
-    requires(model, ("x", "psi", "l"))
+    requires(model, model.axes)
     if target == "mujoco":
         return mujoco_xml(model, rope), ".xml"
     if target == "statespace":

@@ -30,8 +30,12 @@ _SECTIONS = ("bridge", "effect", "uncertainty", "recorded")
 _RECORDED, _INPUTS = ("x", "l"), ("u_x", "u_l")
 _UNITS = tuple(dict.fromkeys(BASE_UNITS.get(unit, unit) for unit in INPUT_UNITS))
 """Of inputs, as recordings have them."""
+_RANGES = {f"{name}_range": name for name in _INPUTS}
+"""Keys under which a file has the range of an input, whose own name has its unit."""
 _SETTLED = ("winch_mass", "gravity")
 """Numbers of the bridge that are taken as known where a file leaves them out."""
+HOIST = ("winch_mass", "hoist_damping", "hoist_gain")
+"""The bridge's numbers that a locked rope does not have."""
 _NEEDS = (
     ({"x"}, "a cart", ("cart_mass", "cart_gain")),
     ({"psi", "l"}, "a load", ("load_mass",)),
@@ -54,7 +58,8 @@ class Model:
     source: str = field(default="", compare=False)
     """The file that it was read from, for messages."""
     recorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) in the recordings of an earlier fit."""
+    """Least and largest place of the cart (`x` [m]), rope length (`l` [m]) and inputs (`u_x`, `u_l`) in the recordings
+    of an earlier fit."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Unit of each input (`u_x`, `u_l`) in those recordings, volts where not told; gains and dead zones have it."""
 
@@ -272,17 +277,17 @@ def _read_recorded(file: Where, table: Any) -> tuple[dict[str, tuple[float, floa
     if not isinstance(table, dict):
         file.refuse("recorded is not a table; write [recorded] with x = [0.0, 1.2], or delete it")
     where = file.within("[recorded]")
-    where.check_keys(table, (*_RECORDED, *_INPUTS), "key")
+    where.check_keys(table, (*_RECORDED, *_INPUTS, *_RANGES), "key")
     found, units = {}, {}
     for key in [key for key in _INPUTS if key in table]:
         if table[key] not in _UNITS:
             where.refuse(f"{key} = {shown(table[key])} is no unit of an input; write one of {', '.join(_UNITS)}")
         units[key] = table[key]
-    for key, ends in ((key, ends) for key, ends in table.items() if key in _RECORDED):
+    for key, ends in ((key, ends) for key, ends in table.items() if key not in _INPUTS):
         sound = isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)
         if not (sound and -math.inf < ends[0] <= ends[1] < math.inf):
-            where.refuse(f"{key} = {shown(ends)} does not go from least to most; write it as {key} = [0.0, 1.2] (m)")
-        found[key] = (float(ends[0]), float(ends[1]))
+            where.refuse(f"{key} = {shown(ends)} does not go from least to most; write it as {key} = [0.0, 1.2]")
+        found[_RANGES.get(key, key)] = (float(ends[0]), float(ends[1]))
     return found, units
 
 
@@ -308,7 +313,8 @@ def _as_toml(model: Model) -> str:
     for name, entries in model.uncertainty.items():
         lines += ["", f"[uncertainty.{as_key(name)}]"]
         lines += [f"{as_key(key)} = {as_value(value)}" for key, value in entries.items() if value is not None]
-    recorded = [f"{key} = {as_value(list(ends))}" for key, ends in model.recorded.items()]
+    keys = {name: key for key, name in _RANGES.items()}
+    recorded = [f"{keys.get(name, name)} = {as_value(list(ends))}" for name, ends in model.recorded.items()]
     recorded += [f"{key} = {as_value(unit)}" for key, unit in model.units.items() if unit != "V"]
     lines += ["", "[recorded]", *recorded] if recorded else []
     return "\n".join(lines) + "\n"

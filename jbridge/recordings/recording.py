@@ -197,9 +197,10 @@ class Recording:
 
     @property
     def covered(self) -> dict[str, tuple[float, float]]:
-        """The places of the cart and the rope lengths that it reaches, `x` and `l` [m], each from least to most."""
+        """The places of the cart and rope lengths (`x`, `l` [m]) and the inputs (`u_x`, `u_l`) that it reaches, each
+        from least to most."""
         length = np.asarray(self.locked_length) if self.l is None and self.locked_length is not None else self.l
-        reached = {"x": self.x, "l": length}
+        reached = {"x": self.x, "l": length, "u_x": self.u_x, "u_l": self.u_l}
         return {name: (float(np.min(v)), float(np.max(v))) for name, v in reached.items() if v is not None}
 
     @property
@@ -247,5 +248,5 @@ def required(recordings: Recording | Iterable[Any]) -> tuple[Recording, ...]:
 def covered_by(recordings: Iterable[Recording]) -> dict[str, tuple[float, float]]:
     """What several recordings reach together; see `Recording.covered`."""
     each = [recording.covered for recording in recordings]
-    found = {name: [own[name] for own in each if name in own] for name in ("x", "l")}
+    found = {name: [own[name] for own in each if name in own] for name in ("x", "l", "u_x", "u_l")}
     return {name: (min(low for low, _ in ends), max(high for _, high in ends)) for name, ends in found.items() if ends}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .._display import Displayed
 from .._types import Axes
 from ..control.base import Reference
-from ..control.compensation import limits_of
+from ..control.compensation import LIMITS, limits_of
 from ..control.files import Controller
 from ..control.measures import Move, moves
 from ..errors import InputError
@@ -21,6 +21,7 @@ from ..model.files import Model, requires
 from ..model.steps import substeps
 from ..trajectory import Path
 from .closed_loop import closed_loop, periods_remembered
+from .noise import NOISE, Noisy, drawn
 
 _DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
 """Input, what it drives, and the drive's site."""
@@ -39,13 +40,19 @@ class Tracking(Displayed):
     position: Mapping[str, NDArray[np.float64]]
     """True `x` [m], `psi` [rad], `l` [m]."""
     measured: Mapping[str, NDArray[np.float64]]
-    """The same as the sensors read them."""
+    """The same as the controller reads them."""
     command: Mapping[str, NDArray[np.float64]]
     """`u_x`, `u_l` [V], held until the next sample."""
     moves: tuple[Move, ...]
     """How each leg of the reference went."""
     recorded: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     """Where the model's recordings went; see `Model.recorded`."""
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Unit of each input where it is not volts; see `Model.units`."""
+    limits: tuple[float, float] = LIMITS
+    """Commands beyond which the drives saturate [V]: cart, hoist."""
+    noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Standard deviations of what encoders add to x, psi and l [m, rad, m]."""
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -66,14 +73,20 @@ def check_limits(model: Model, controller: Controller) -> None:
     """Checks that every drive of a model can move what it drives in one direction at least.
 
     Raises:
-        InputError: the limit of a drive lies within its dead zone.
+        InputError: the limit of a drive lies within its dead zone, or is the paper's in volts where the input has
+            another unit.
     """
     limits = np.asarray(limits_of(controller.law)).tolist()
     for limit, (name, axis, site) in list(zip(limits, _DRIVES, strict=True))[: 2 if model.has_hoist else 1]:
+        unit = model.units.get(name, "V")
+        if unit != "V" and limit in LIMITS:
+            raise InputError(
+                f"{controller.source or 'the controller'}: it drives the {axis} with {limit:g} V at most, but the"
+                f" model's {name} is in {unit}; give a controller for {unit}, with {axis}_limit under [compensation]"
+            )
         zones = list(model.plant.all(DeadZone, site))
         least = min(sum(float(getattr(zone, side)) for zone in zones) for side in ("positive", "negative"))
         if limit <= least:
-            unit = model.units.get(name, "V")
             volts = "" if unit == "V" else "; rules and gains in volts do not suit an input in another unit"
             raise InputError(
                 f"{controller.source or 'the controller'}: it drives the {axis} with {limit:.4g} {unit} at most, within"
@@ -82,13 +95,15 @@ def check_limits(model: Model, controller: Controller) -> None:
             )
 
 
-def track(model: Model, controller: Controller, path: Path) -> Tracking:
+def track(model: Model, controller: Controller, path: Path, *, noise: tuple[float, float, float] = NOISE) -> Tracking:
     """Lets a controller move a model's bridge along a reference, from rest at its beginning.
 
     Args:
         model: what moves; the cart and the load alone where the rope is locked (`Model.has_hoist`).
         controller: what commands it.
         path: the reference, at the controller's samples (`smooth_path`); the controller's shaping is done here.
+        noise: standard deviations of what encoders add to x, psi and l [m, rad, m], by default as in `tune`; the same
+            draws in every run.
 
     Raises:
         InputError: the model lacks a part of the bridge that the reference moves, a drive's limit lies within its dead
@@ -113,9 +128,12 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
     goal = np.pad(np.stack([wanted.x, wanted.l], axis=1), beyond, mode="edge")
     initial = np.zeros(plant.states)
     initial[0], initial[2] = path.x[0], path.l[0]
+    if not model.has_hoist:  # no sensor reads a rope that is locked
+        noise = (*noise[:2], 0.0)
+    added = drawn(noise, len(path.times))
     response = _run(
         plant,
-        controller.law,
+        controller.law if added is None else Noisy(controller.law, jnp.asarray(added)),
         jnp.asarray(initial),
         Reference(*(jnp.asarray(values) for values in path[1:])),
         period=period,
@@ -132,14 +150,18 @@ def track(model: Model, controller: Controller, path: Path) -> Tracking:
             "lower the controller's gains, or see whether a voltage has the wrong sign"
         )
     names = ("x", "psi", "l")
+    measured = np.stack([np.asarray(values) for values in response.measured], axis=1)
     limits = np.asarray(limits_of(controller.law)).tolist()
     return Tracking(
         path.times,
         {"x": path.x, "l": path.l},
         {"x": path.v_x, "l": path.v_l},
         dict(zip(names, position.T, strict=True)),
-        {name: np.asarray(values) for name, values in zip(names, response.measured, strict=True)},
+        dict(zip(names, (measured if added is None else measured + added).T, strict=True)),
         {"u_x": command[:, 0], "u_l": command[:, 1]},
         moves(path.times, goal, position, command, limits),
         model.recorded,
+        model.units,
+        (limits[0], limits[1]),
+        noise,
     )

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..control.base import AbstractController
-from ..control.compensation import limits_of
+from ..control.compensation import LIMITS, limits_of
 from ..simulation.summaries import UNITS, MoveSummary
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays
@@ -79,7 +79,10 @@ class Cost:
         """Rollouts of one evaluation."""
 
         def one(law: AbstractController, row: Array, move: Moves, reverse: bool = False) -> Array:
-            return goal(course.run(law, row, move, reverse=reverse), move.leg)
+            response = course.run(law, row, move, reverse=reverse)
+            # A goal weighs volts of the paper's drives: commands in another unit count by their share of the limits.
+            command = response.command * (jnp.asarray(LIMITS) / limits_of(law))[None]
+            return goal(response._replace(command=command), move.leg)
 
         def smooth(z: Array, softness: Array, row: Array, move: Moves) -> Array:
             return one(self._set(z, softness), row, move, reverse=True)

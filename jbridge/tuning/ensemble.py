@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from .._types import Axes, Scalar
+from .._types import Axes
 from ..control.base import AbstractController, Reference
 from ..model.effects.base import AbstractFriction
 from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
@@ -20,6 +20,7 @@ from ..model.plant import Plant
 from ..model.steps import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
 from ..simulation.collect import AbstractCollector, Everything
+from ..simulation.noise import NOISE, Noisy, drawn
 from ..trajectory import Path, along, durations
 from .objectives import Leg
 
@@ -42,8 +43,8 @@ class Scatter:
     """Least standard deviation of a number whose uncertainty is known, as a share of it: a fit says how well its
     recordings determine a number, and not how far it is another one on another day. At half of it, tuned controllers
     rely on friction that a week changes; at twice of it, a good fit gains little."""
-    noise: tuple[float, float, float] = (4e-5, 6e-4, 4e-5)
-    """Standard deviations of the readings of x, psi and l [m, rad, m], of encoders of 0.1 mm and 4096 counts a turn.
+    noise: tuple[float, float, float] = NOISE
+    """Standard deviations of the readings of x, psi and l [m, rad, m].
     Without noise nothing keeps a tuned controller from answering each count of an encoder: on a rig of another engine
     the extended rules' cart voltage then travelled 4.5 times as far as before the tuning, in simulations 1.3 times."""
 
@@ -59,7 +60,6 @@ class Region:
 
 
 PAPER_REGION = Region((0.0, 1.2), (0.185, 0.7))
-_NOISE_SEED = 0
 _APART = 0.25
 """Least way of a random move, as a share of the rail."""
 
@@ -216,30 +216,6 @@ def scattered(
     return rows
 
 
-class Noisy(AbstractController):
-    """A controller whose encoders add noise to what they read."""
-
-    law: AbstractController
-    noise: Float[Array, "time 3"]
-    """Of x, psi and l at each sample [m, rad, m]."""
-
-    def ready(self) -> "Noisy":
-        return Noisy(self.law.ready(), self.noise)
-
-    def start(self, measured: Axes) -> tuple[Int[Array, ""], Any]:
-        return jnp.zeros((), int), self.law.start(self._read(measured, 0))
-
-    def command(
-        self, state: tuple[Int[Array, ""], Any], measured: Axes, reference: Reference, period: Scalar | float
-    ) -> tuple[Float[Array, " 2"], tuple[Int[Array, ""], Any]]:
-        number, inner = state
-        command, inner = self.law.command(inner, self._read(measured, number), reference, period)
-        return command, (number + 1, inner)
-
-    def _read(self, measured: Axes, number: Int[Array, ""] | int) -> Axes:
-        return Axes(*(value + own for value, own in zip(measured, self.noise[number], strict=True)))
-
-
 class Moves(NamedTuple):
     """Moves as one program takes them, with leading axes of bridges and of their moves."""
 
@@ -278,8 +254,7 @@ class Course:
         self.legs = legs
         self.period = period
         self.count = math.ceil(legs.seconds / period) + 1
-        draws = np.random.default_rng(_NOISE_SEED).standard_normal((self.count, 3))
-        self._noise = np.array(noise) * draws if any(noise) else None
+        self._noise = drawn(noise, self.count)
         self._states = plant.states
         self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period)
         self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)

@@ -1,4 +1,6 @@
-"""Discrete-time linearisation about the hanging equilibrium, and LQR and LQG design on it."""
+"""Linear laws to begin a tuning with: a PID, and LQR and LQG by a linearisation about the hanging equilibrium."""
+
+import dataclasses
 
 import jax
 import jax.numpy as jnp
@@ -7,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from .._types import Axes
-from ..control.compensation import Compensation
+from ..control.compensation import LIMITS, Compensation
 from ..control.files import PERIOD, Controller
-from ..control.linear import ObserverFeedback, StateFeedback
+from ..control.linear import ObserverFeedback, Pid, StateFeedback
 from ..model.files import Model, requires
 from ..model.plant import Plant
 from ..simulation.inputs import Lane
@@ -25,7 +27,8 @@ LENGTH = 0.45
 """Length of the rope for which an LQR is designed where nothing else is said [m]: the middle of the paper's moves."""
 _STATES = (0.01, np.radians(1.0), 0.01, 0.1, np.radians(5.0), 0.1)
 _VOLTS = (1.0, 3.0)
-"""Deviations of states [m, rad, m, m/s, rad/s, m/s] and voltages [V] that weigh alike in an LQR's design."""
+"""Deviations of states [m, rad, m, m/s, rad/s, m/s] and voltages [V] that weigh alike in an LQR's design; of drives
+with other limits than the paper's, the same shares of those."""
 _UNFORESEEN = (0.01, np.radians(1.0), 0.01)
 """What disturbs velocities from one sample to the next [m/s, rad/s, m/s], in a Kalman filter's design: friction that
 differs from what is compensated by 3 N does to the cart. At half of it the estimate follows the model more."""
@@ -66,6 +69,13 @@ def linear_model(
     return np.asarray(a), np.asarray(b), rest
 
 
+def pid_for(compensation: Compensation) -> Pid:
+    """The usual PID controller, with gains in proportion to the drives' limits."""
+    usual, (cart, hoist) = Pid(compensation=compensation), (compensation.limits / jnp.asarray(LIMITS)).tolist()
+    gains = {name: getattr(usual, name) * (cart if name.startswith("cart") else hoist) for name in Pid.tunable}
+    return dataclasses.replace(usual, **gains)
+
+
 def lqr_controller(
     model: Model, compensation: Compensation | None = None, length: float = LENGTH, period: float = PERIOD
 ) -> Controller:
@@ -86,7 +96,8 @@ def lqr_controller(
     """
     requires(model, ("x", "psi", "l"))
     a, b, _ = linear_model(model.plant, length, period)
-    return Controller(StateFeedback(_regulator(a, b), compensation=compensation or Compensation()), period)
+    given = compensation or Compensation()
+    return Controller(StateFeedback(_regulator(a, b, given), compensation=given), period)
 
 
 def lqg_controller(
@@ -109,15 +120,15 @@ def lqg_controller(
     unforeseen, read = (np.diag(np.square(sizes)) for sizes in ((0.0, 0.0, 0.0, *_UNFORESEEN), _READ))
     p = solve_discrete_are(a.T, c.T, unforeseen, read)
     correction = p @ c.T @ np.linalg.inv(c @ p @ c.T + read)
-    law = ObserverFeedback(
-        _regulator(a, b), jnp.asarray(a), jnp.asarray(b), jnp.asarray(correction), compensation or Compensation()
-    )
+    given = compensation or Compensation()
+    law = ObserverFeedback(_regulator(a, b, given), jnp.asarray(a), jnp.asarray(b), jnp.asarray(correction), given)
     return Controller(law, period)
 
 
-def _regulator(a: NDArray[np.float64], b: NDArray[np.float64]) -> jax.Array:
+def _regulator(a: NDArray[np.float64], b: NDArray[np.float64], compensation: Compensation) -> jax.Array:
     """Gains `(2, 6)` of the linear-quadratic regulator."""
-    q, r = (np.diag(1.0 / np.square(sizes)) for sizes in (_STATES, _VOLTS))
+    commands = np.multiply(_VOLTS, np.asarray(compensation.limits) / LIMITS)
+    q, r = (np.diag(1.0 / np.square(sizes)) for sizes in (_STATES, commands))
     p = solve_discrete_are(a, b, q, r)
     gains = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)
     # Cart and hoist are not coupled at rest; what rounding leaves there is no gain.

@@ -69,6 +69,8 @@ class Tuning(Displayed):
     """Least and largest place of the cart (`x` [m]) and rope length (`l` [m]) at which a move begins or ends."""
     recorded: Mapping[str, tuple[float, float]]
     """The same in the model's recordings; see `Model.recorded`."""
+    units: Mapping[str, str]
+    """Unit of each input where it is not volts; see `Model.units`."""
     rollouts: int
     """Simulated moves, gradients counted once."""
     seconds: float
@@ -120,10 +122,11 @@ def tune(  # noqa: PLR0913
     tell = progress or silent
     requires(model, model.axes)
     check_limits(model, controller)
-    if min(plants, held_out, steps, starts) < 1 or seed < 0:
-        raise InputError("plants, held_out, steps and starts must be at least 1, and the seed at least 0")
-    if max(plants, held_out, steps, starts) > MOST:
-        raise InputError(f"plants, held_out, steps and starts must be at most {MOST}")
+    for name, number in {"plants": plants, "held_out": held_out, "steps": steps, "starts": starts}.items():
+        if not 1 <= number <= MOST:
+            raise InputError(f"{name} {number}: give at least 1 and at most {MOST}")
+    if seed < 0:
+        raise InputError(f"seed {seed}: give 0 or more")
     if legs is None:
         legs = mixed_legs(plants, seed) if region is None else random_legs(2, seed, bridges=plants, region=region)
     ropes = {*np.ravel([legs.start[..., 1], legs.goal[..., 1]]).tolist(), *(region or PAPER_REGION).rope}
@@ -179,6 +182,7 @@ def tune(  # noqa: PLR0913
         responses=(before, after),
         reached=_reached(legs, others.legs),
         recorded=model.recorded,
+        units=model.units,
         rollouts=rollouts,
         seconds=time.perf_counter() - begun,
     )

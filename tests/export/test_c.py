@@ -1,5 +1,6 @@
 """Headers in C99, compiled with gcc, against the Python controllers that they come from."""
 
+import dataclasses
 import itertools
 import re
 import shutil
@@ -149,7 +150,7 @@ def test_fuzzy_systems_infer_the_same_in_c(tmp_path, chosen):
     systems = [some_system(rng, kinds, name, matlab=matlab) for kinds, name, matlab in chosen]
     values = rng.uniform(-1.5, 2.5, (2_000, 2))
     functions = "".join(system_source(f"s{k}", system) for k, system in enumerate(systems))
-    text = "#include <tgmath.h>\n#include <stdio.h>\n#define R(value) (value)\ntypedef double P_real;\n"
+    text = "#include <math.h>\n#include <stdio.h>\n#define R(value) (value)\ntypedef double P_real;\n"
     calls = "".join(f"result[{k}] = P_s{k}(row); " for k in range(len(systems)))
     text += f"{HELPERS}{functions}int main(void) {{ double row[2], result[{len(systems)}];\n"
     text += "while (fread(row, sizeof row, 1, stdin) == 1) {\n"
@@ -165,6 +166,24 @@ def test_fuzzy_systems_infer_the_same_in_c(tmp_path, chosen):
         assert np.mean(away > 1e-12) <= allowed, (chosen[k], np.sum(away > 1e-12), away.max())
 
 
+def test_an_input_without_sets_has_no_array(tmp_path):
+    """An array of no elements is no C99: an input of a Sugeno system may stand in its functions alone."""
+    x, y, z = (Variable(n, as_number(-1.0), as_number(1.0), (), ()) for n in ("error", "velocity", "angle"))
+    x = dataclasses.replace(x, labels=("P",), sets=(random_set(np.random.default_rng(0), -1.0, 1.0, "trimf"),))
+    output = Conclusions("u", as_number(-3.0), as_number(3.0), ("a",), (Linear(np.array([2.0, 1.0, 0.0]), 0.1),))
+    cart = Sugeno((x, y, z), (output,), (Rule((Clause(0, 0),), (Clause(0, 0),), as_number(1.0), False),))
+    header = controller_header(Controller(dataclasses.replace(paper_controller(), cart=cart)), "crane")
+    assert subprocess.run([compiled(tmp_path, header, "-DCRANE_MAIN")], capture_output=True).returncode == 0
+
+
+def test_single_precision_computes_in_single_precision(tmp_path):
+    """Nothing is promoted to double, which small machines compute slowly, and no type-generic library is needed."""
+    header = controller_header(Controller(LAWS["extended"]), "crane")
+    strict = ("-DCRANE_REAL=float", "-DCRANE_MAIN", "-Wdouble-promotion", "-Wconversion", "-Wno-sign-conversion")
+    compiled(tmp_path, header, *strict)
+    assert set(re.findall("#include <(.*)>", header)) == {"math.h", "stdio.h"}
+
+
 def test_sugeno_systems_infer_the_same_in_c(tmp_path):
     rng = np.random.default_rng(1)
     before = some_system(rng, STRAIGHT, "centroid", matlab=False)
@@ -174,7 +193,7 @@ def test_sugeno_systems_infer_the_same_in_c(tmp_path):
     values = rng.uniform(-1.5, 2.5, (1_000, 2))
     for summed in (False, True):
         system = Sugeno(before.inputs, (output,), rules, summed=summed)
-        text = "#include <tgmath.h>\n#include <stdio.h>\n#define R(value) (value)\ntypedef double P_real;\n"
+        text = "#include <math.h>\n#include <stdio.h>\n#define R(value) (value)\ntypedef double P_real;\n"
         text += HELPERS + system_source("s", system)
         text += "int main(void) { double row[2], result; while (fread(row, sizeof row, 1, stdin) == 1) {\n"
         text += "result = P_s(row); fwrite(&result, sizeof result, 1, stdout); } return 0; }\n"

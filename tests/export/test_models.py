@@ -102,6 +102,21 @@ def test_python_control_samples_it_as_the_engine_does(tmp_path):
     np.testing.assert_allclose(sampled.B, b, atol=2e-6)
 
 
+def test_a_locked_rope_keeps_its_length(tmp_path):
+    """As a winch that nothing moves: x and psi of the linear system, and no joint, motor or number of the hoist."""
+    locked = dataclasses.replace(model_of(make_plant()), given=frozenset(NUMBERS) - {"winch_mass", "hoist_gain"})
+    a, b = state_space(make_plant().bridge, 0.6)
+    path = tmp_path / "bridge_statespace.py"
+    path.write_text(state_space_module(locked, 0.6))
+    system = runpy.run_path(str(path))["system"]()
+    kept = [0, 1, 3, 4]
+    np.testing.assert_allclose(system.A, a[np.ix_(kept, kept)], atol=1e-12)
+    np.testing.assert_allclose(system.B, b[np.ix_(kept, [0])], atol=1e-12)
+    assert system.input_labels == ["u_x"] and system.output_labels == ["x", "psi"]
+    for text in (mujoco_xml(locked, 0.6), matlab_function(locked, "bridge", 0.6)):
+        assert "u_l" not in text and "hoist" not in text and "The rope is locked at 0.6 m" in text
+
+
 def test_matlab_has_every_number():
     effect = null_effect("position_direction_friction", "cart")
     plant = make_plant(effect, null_effect("coulomb_friction", "cart"))
@@ -128,6 +143,10 @@ def test_matlab_has_every_number():
 )
 def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "for.toml").write_text(model_text())
+    assert main(["export", "for.toml", "--to", "matlab", "--out", "."]) == 0
+    # A word of the language itself names no function.
+    assert capsys.readouterr().out == "bridge_for.m\n"
     (tmp_path / "my-rig.toml").write_text(model_text())
     assert main(["export", "my-rig.toml", "--to", to, "--out", "out"]) == 0
     assert capsys.readouterr().out == f"out/{name}\n" and (tmp_path / "out" / name).stat().st_size > 500
@@ -142,6 +161,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
         (["model.toml", "--to", "mujoco", "--rope", "0"], "--rope 0: give the length of the rope"),
         (["model.toml", "--to", "simulink"], "invalid choice"),
         (["cart.toml", "--to", "mujoco"], "no load_mass"),
+        (["x.fis", "--to", "c"], 'a controller\'s TOML beside it names it: kind = "fuzzy" and cart = "x.fis"'),
     ],
 )
 def test_what_cannot_be_exported_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):

@@ -184,6 +184,9 @@ def test_a_sugeno_output_may_have_equal_ends(tmp_path):
         (TIPPER, ("2 0, 2 (1) : 1", "2, 2 (1) : 1"), "1 set numbers for 2 variables"),
         (TIPPER, ("2 0, 2 (1) : 1", "2 0, 2 (1.5) : 1"), "a weight lies between 0 and 1"),
         (TIPPER, ("[Rules]", "Rules]"), "is neither a"),
+        (TIPPER, ("AndMethod", "AndMethode"), "unknown key 'andmethode'; did you mean 'andmethod'"),
+        (TIPPER, ("Range=[0 30]", "Range=[0 30/0]"), "is not a list of numbers"),
+        (TIPPER, ("Range=[0 30]", "Range=[0 30*e]"), "is not a list of numbers"),
         (TIPPER, ("[System]", "[Sistem]"), "no .System. section; this is not a .fis file"),
         (SUGENO, ("2, 2 (1) : 1", "2, -2 (1) : 1"), "cannot be negated"),
         (SUGENO, ("2, 2 (1) : 1", "0, 2 (1) : 1"), "the rule names no input or no output"),
@@ -198,6 +201,14 @@ def test_what_is_wrong_with_a_fis_file_is_said(tmp_path, text, change, complaint
     with pytest.raises(InputError, match=complaint) as found:
         read(tmp_path, text.replace(*change, 1))
     assert "\n" not in str(found.value)
+
+
+def test_angles_are_written_with_pi(tmp_path):
+    text = TIPPER.replace("[7 9 10 10]", "[-pi/4 pi/2, 2*pi 9e0]").replace("Range=[0 30]", "Range=[-pi 3/2*pi]")
+    system = read(tmp_path, text)
+    food = system.inputs[1].sets[1]
+    np.testing.assert_allclose([float(n) for n in food.parameters()], [-np.pi / 4, np.pi / 2, 2 * np.pi, 9.0])
+    assert (float(system.outputs[0].low), float(system.outputs[0].high)) == pytest.approx((-np.pi, 1.5 * np.pi))
 
 
 @pytest.mark.parametrize("scale", [1e-10, 1e13])

@@ -50,7 +50,8 @@ def test_free_runs_are_left_with_the_noise(found):
 def test_the_model_says_where_its_recordings_went(found):
     runs = cart_recordings(TRUTH, 4)[:3]
     places = np.concatenate([run.x for run in runs])
-    assert found.model.recorded == {"x": (places.min(), places.max())}
+    inputs = np.concatenate([run.u_x for run in runs])
+    assert found.model.recorded == {"x": (places.min(), places.max()), "u_x": (inputs.min(), inputs.max())}
     assert np.ptp(places) > 0.1
 
 

@@ -168,7 +168,7 @@ def test_round_trip_of_every_effect(tmp_path):
         frozenset({"cart_mass", "gravity", "stribeck_friction@swing.velocity"}),
         frozenset(bridge_keys()),
         {"cart_gain": {"std": 0.1}, "position_dependent_friction@cart.levels": fitted},
-        recorded={"x": (-1 / 3, 1e-300), "l": (0.7, 0.7)},
+        recorded={"x": (-1 / 3, 1e-300), "l": (0.7, 0.7), "u_x": (-255.0, 255.0)},
         units={"u_x": "count"},
     )
     save_model(tmp_path / "model.toml", model)

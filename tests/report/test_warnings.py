@@ -1,13 +1,16 @@
 """What reports on a controller warn of in their first lines."""
 
 import dataclasses
+import re
 
 import numpy as np
+import pytest
 
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
 from jbridge.model.files import Model
 from jbridge.report.control.tracking import describe_tracking
+from jbridge.report.control.warnings import tracking_warnings
 from jbridge.report.control.warnings import tuning_warnings as warnings
 from jbridge.simulation.summaries import UNITS
 from jbridge.simulation.tracking import track
@@ -34,6 +37,7 @@ def tuning(**after):
         responses=({}, {}),
         reached={"x": (0.0, 1.2), "l": (0.185, 0.7)},
         recorded={},
+        units={},
         rollouts=0,
         seconds=0.0,
     )
@@ -78,3 +82,41 @@ def test_a_reference_outside_of_the_recordings_is_warned_of_first():
     warned = [line for line in describe_tracking(track(model, pid, path)).splitlines() if "Warning" in line]
     assert warned[-1].startswith("Warning: the reference goes from 0.4 to 0.65 m in rope length")
     assert describe_tracking(track(model, pid, path)).startswith("Warning: ")
+
+
+def run_of(*, recorded=None, units=None, **changed):
+    """One along 0.2 to 0.7 m, with positions and commands replaced."""
+    model = Model(make_plant(), frozenset(), frozenset(NUMBERS), {}, recorded=recorded or {})
+    pid = Controller(Pid(cart_p=60.0, hoist_p=60.0, compensation=compensation_for(model.plant)))
+    run = track(model, pid, smooth_path([(0.2, 0.4), (0.7, 0.5)], speed=(0.3, 0.2), rest=4.0, period=0.02))
+    run = dataclasses.replace(run, units=units or {})
+    own = {"x": run.position, "u_x": run.command}
+    for key, change in changed.items():
+        name = "position" if key == "x" else "command"
+        run = dataclasses.replace(run, **{name: {**own[key], key: change(run.times, own[key][key])}})
+    return run
+
+
+@pytest.mark.parametrize(
+    ("run", "said"),
+    [
+        ({}, "^$"),
+        ({"x": lambda t, x: x - 2.0 * t}, "the run goes from -1.* m in cart position, the reference from 0.2 to 0.7 m"),
+        (
+            {"x": lambda t, x: x + 0.1, "recorded": {"x": (0.1, 0.75)}},
+            "the run goes from 0.3 to 0.8.* but the recordings behind the model cover 0.1 to 0.75 m",
+        ),
+        ({"u_x": lambda t, u: np.where(t < 4.0, 3.0, 0.0)}, "u_x is at its limit of 3.00 V in .. % of the time"),
+        ({"u_x": lambda t, u: 3.0 * np.sign(np.sin(20.0 * t))}, "u_x chatters: it travels .. V/s and changes its sign"),
+    ],
+)
+def test_a_dangerous_run_is_warned_of(run, said):
+    """A cart beyond the rail, a drive that is at its limit most of the time, and one that cannot follow."""
+    warned = [line for line in tracking_warnings(run_of(**run)) if "settle" not in line]
+    assert re.search(said, " ".join(warned))
+
+
+def test_numbers_are_written_without_exponents_and_in_the_inputs_own_unit():
+    run = run_of(x=lambda t, x: x - 2.0 * t, units={"u_x": "count", "u_l": "count"})
+    text = describe_tracking(run)
+    assert "count/s" in text and "V/s" not in text and not re.search(r"\de[+-]\d", text)

@@ -37,26 +37,33 @@ def test_a_shaped_reference_leaves_less_swing_and_is_measured_against_the_wanted
     assert len(runs()["shaped"].times) == len(runs()["plain"].times) + 71
 
 
-@pytest.mark.parametrize(("width", "moves"), [(2.9, True), (3.0, False), (21.0, False)])
+@pytest.mark.parametrize(("width", "moves"), [(3.9, True), (4.0, False), (21.0, False)])
 def test_a_limit_within_the_dead_zone_is_refused(width, moves):
-    """The drives end at 3 V where a controller says no more."""
+    """The drives end where the controller says."""
+    given = Controller(Pid(compensation=Compensation(cart_limit=4.0, hoist_limit=9.0)))
     plant = make_plant(("dead_zone", "cart_drive", {"positive": width, "negative": 30.0}))
     model = dataclasses.replace(MODEL, plant=plant, units={"u_x": "count"})
     if moves:
-        check_limits(model, PID)
+        check_limits(model, given)
     else:
-        with pytest.raises(InputError, match=f"3 count at most, .* dead zone of {width:g} count, .* set cart_limit"):
-            check_limits(model, PID)
+        with pytest.raises(InputError, match=f"4 count at most, .* dead zone of {width:g} count, .* set cart_limit"):
+            check_limits(model, given)
+
+
+def test_the_papers_volts_are_no_limits_of_counts():
+    with pytest.raises(InputError, match="3 V at most, but the model's u_x is in count; give a controller for count"):
+        check_limits(dataclasses.replace(MODEL, units={"u_x": "count"}), PID)
 
 
 def test_a_model_without_a_hoist_has_its_rope_locked():
     """A cart without dynamics of a hoist moves as beside one that holds the rope."""
     locked = dataclasses.replace(MODEL, given=MODEL.given - {"winch_mass", "hoist_gain"})
     path = smooth_path([(0.2, 0.5), (0.8, 0.5)], speed=(0.9, 0.2), rest=4.0, period=0.02)
-    run = track(locked, PID, path)
+    still = {"noise": (0.0, 0.0, 0.0)}
+    run = track(locked, PID, path, **still)
     assert np.ptp(run.position["l"]) == 0.0 and run.moves[0].settling_time["x"] is not None
     heavy = dataclasses.replace(MODEL, plant=make_plant(winch_mass=1e6))
-    np.testing.assert_allclose(track(heavy, PID, path).position["psi"], run.position["psi"], atol=1e-5)
+    np.testing.assert_allclose(track(heavy, PID, path, **still).position["psi"], run.position["psi"], atol=1e-5)
     with pytest.raises(InputError, match="the rope is locked; give a reference whose l is the rope's length"):
         track(locked, PID, smooth_path([(0.2, 0.5), (0.8, 0.6)], speed=(0.9, 0.2), rest=4.0, period=0.02))
 
@@ -77,7 +84,20 @@ def test_the_rival_to_take_settles_the_most_moves():
     assert "calm settles as many with 25% of the travel of u_x." in text
     assert lines[0].split() == ["controller", "never", "calm", "quick"]
     assert lines[2].split() == ["load", "settled,", "s", "never", "3.00", "2.00"]
+    alike = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": 2.08}, travel={"x": 1.5, "l": 0.0})
+    assert "Take alike: " in describe_rivals({"quick": quick, "alike": alike, "calm": calm})
     assert "take none" in describe_rivals({"never": never})
+
+
+def test_what_is_read_has_the_noise_of_encoders():
+    """That of `tune` unless told: what a controller answers on a rig shows in its voltages."""
+    run = runs()["plain"]
+    for axis, size in zip(("x", "psi", "l"), run.noise, strict=True):
+        assert np.std(run.measured[axis] - run.position[axis]) == pytest.approx(size, rel=0.2)
+    path = smooth_path([(0.2, 0.5), (0.8, 0.5)], speed=(0.9, 0.2), rest=4.0, period=0.02)
+    still = track(MODEL, PID, path, noise=(0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(still.measured["x"], still.position["x"])
+    assert run.moves[0].travel["x"] > 1.05 * still.moves[0].travel["x"]
 
 
 @pytest.mark.parametrize("key", ["x", "l"])

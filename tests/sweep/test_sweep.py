@@ -97,7 +97,7 @@ def test_every_rollout_is_as_it_would_be_alone(done):
         law = dataclasses.replace(jbridge.paper_controller(), cart_scale=values["controller.cart_scale"])
         path = jbridge.smooth_path([(0.0, 0.4), (0.3, 0.5)], speed=(0.3, 0.2), rest=2.0, period=0.02)
         other = dataclasses.replace(model, plant=jbridge.Plant(plant.bridge, effects))
-        tracking = jbridge.track(other, jbridge.Controller(law), path)
+        tracking = jbridge.track(other, jbridge.Controller(law), path, noise=(0.0, 0.0, 0.0))
         (move,) = tracking.moves
         error = tracking.position["x"] - 0.3
         assert values["final_error_x"] == pytest.approx(error[-1], abs=1e-9)

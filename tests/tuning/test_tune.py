@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from jbridge import Axes, InputError
 from jbridge.control.base import AbstractController, Reference
 from jbridge.control.compensation import Compensation
+from jbridge.control.extended import extended_controller
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
 from jbridge.control.measures import moves
@@ -21,11 +22,11 @@ from jbridge.model.plant import Motion
 from jbridge.simulation.closed_loop import Response
 from jbridge.simulation.tracking import track
 from jbridge.trajectory import smooth_path
-from jbridge.tuning.compensation import compensation_for
+from jbridge.tuning.compensation import compensation_for, drive_limits
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
 from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.lqr import linear_model, lqg_controller, lqr_controller
+from jbridge.tuning.lqr import linear_model, lqg_controller, lqr_controller, pid_for
 from jbridge.tuning.objectives import (
     AbstractObjective,
     Chatter,
@@ -282,7 +283,7 @@ def test_tuning_makes_a_law_better():
     assert len(found.history) == 12 and found.rollouts > 3 * 12
     shapes = {name: found.measures[name][1]["itae_x"].shape for name in ("train", "held_out")}
     assert shapes == {"train": (3, 1), "held_out": (2, 4)}
-    with pytest.raises(InputError, match="at least 1"):
+    with pytest.raises(InputError, match="give at least 1"):
         tune(MODEL, found.given, steps=0)
 
 
@@ -432,6 +433,30 @@ def test_a_models_own_losses_are_compensated():
     np.testing.assert_allclose(found.cart, 0.5 * (0.3 + (3.0 + 2.5) / n["cart_gain"]), rtol=1e-9)
     np.testing.assert_allclose(found.hoist, 0.5 * 2.4 / 0.75 / n["hoist_gain"], rtol=1e-9)
     np.testing.assert_allclose(found.hoist_bias, -n["load_mass"] * n["gravity"] / n["hoist_gain"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["extended", "pid", "lqr"])
+def test_a_rig_in_counts_is_the_same_rig(law):
+    """What begins a tuning moves it alike, and costs the same, whatever the unit of its inputs."""
+
+    def begun(scale):
+        numbers = {name: NUMBERS[name] / scale for name in ("cart_gain", "hoist_gain")}
+        model = dataclasses.replace(MODEL, plant=make_plant(DRY, **numbers))
+        given = compensation_for(model.plant, limits=(3.0 * scale, 10.0 * scale))
+        make = {"extended": extended_controller, "pid": pid_for, "lqr": lambda given: lqr_controller(model, given).law}
+        return Cost(Course(model.plant, scattered(model.plant, 1, 0), SHORT, 0.02), usual_goal()).of(make[law](given))
+
+    assert begun(85.0) == pytest.approx(begun(1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize(("recorded", "limits"), [({}, None), ({"u_x": (-200.0, 255.0)}, (255.0, 10.0))])
+def test_limits_in_counts_are_those_of_the_recordings(recorded, limits):
+    model = dataclasses.replace(MODEL, units={"u_x": "count"}, recorded=recorded)
+    if limits:
+        assert drive_limits(model) == limits
+    else:
+        with pytest.raises(InputError, match="u_x is in count, .* such as --limits 255 255"):
+            drive_limits(model)
 
 
 class OneKnob(AbstractKnobs):

@@ -7,6 +7,7 @@ Source: MathWorks, Fuzzy Logic Toolbox User's Guide, `readfis`, `writeFIS` and "
 
 import codecs
 import dataclasses
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from ..._toml import nearest
 from ...errors import InputError, quoted
 from ..defuzzify import DEFUZZIFIERS
 from ..inference import POINTS, AbstractSystem, Mamdani
@@ -33,6 +35,12 @@ _PLAIN_NAME = re.compile(r"(['\"])(.*)\1")
 _PLAIN_SET = re.compile(r"'(.*?)'\s*:\s*'([^']*)'\s*,\s*\[([^\]]*)\]" + _COMMENT)
 _RULE = re.compile(r"([-\d\s.]+),([-\d\s.]+)\(([^)]*)\)\s*:\s*([0-9]+)")
 _VARIABLE = re.compile(r"(?:input|output)[0-9]+")
+_SYSTEM = (
+    "name", "type", "version", "numinputs", "numoutputs", "numrules", "andmethod", "ormethod", "impmethod", "aggmethod",
+    "defuzzmethod",
+)  # fmt: skip
+_KEYS = ("name", "range", "nummfs")
+"""Of an input or output, besides those of its sets."""
 AND, OR = ("min", "prod"), ("max", "probor")
 IMPLICATION, AGGREGATION = ("min", "prod"), ("max", "sum", "probor")
 """Norms that a `.fis` file can name."""
@@ -97,6 +105,7 @@ class _Reader:
                 self.sections[current][entry[1].lower()] = (number, entry[2].strip())
             else:
                 self.complain(number, f"{quoted(line)} is neither a [section] nor key=value")
+        self.check_keys()
         if "system" not in self.sections:
             raise InputError(f"{path}: there is no [System] section; this is not a .fis file")
         self.inputs, self.outputs = self.count("numinputs", "input"), self.count("numoutputs", "output")
@@ -104,6 +113,13 @@ class _Reader:
             line, wanted = self.whole("system", "numrules")
             if wanted != len(self.rules):
                 self.complain(line, f"NumRules is {wanted}, but [Rules] has {len(self.rules)} rules; correct either")
+
+    def check_keys(self) -> None:
+        for section, entries in self.sections.items():
+            known = _SYSTEM if section == "system" else _KEYS if _VARIABLE.fullmatch(section) else entries
+            for key, (line, _) in entries.items():
+                if key not in known and not (known is _KEYS and re.fullmatch("mf[0-9]+", key)):
+                    self.complain(line, f"unknown key {quoted(key)}; {nearest(key, known)}")
 
     def complain(self, line: int, problem: str) -> NoReturn:
         raise InputError(f"{self.path}: line {line}: {problem}")
@@ -145,8 +161,8 @@ class _Reader:
         try:
             if any("_" in word for word in words):  # Python reads 1_0 as 10
                 raise ValueError
-            return [float(word) for word in words]
-        except ValueError:
+            return [_number(word) for word in words]
+        except (ValueError, ZeroDivisionError):
             self.complain(line, f"{quoted(text)} is not a list of numbers")
 
     def choice(self, key: str, default: str, known: Sequence[str]) -> str:
@@ -244,6 +260,19 @@ class _Reader:
             if number:
                 clauses.append(Clause(place, int(abs(number)) - 1, number < 0))
         return tuple(clauses)
+
+
+def _number(word: str) -> float:
+    """A number, or a product or quotient of numbers and `pi`, as MATLAB's own demos write angles: `-pi/4`."""
+    first, *rest = re.split("([*/])", word)
+    value = _factor(first)
+    for sign, part in zip(rest[::2], rest[1::2], strict=True):
+        value = value * _factor(part) if sign == "*" else value / _factor(part)
+    return value
+
+
+def _factor(word: str) -> float:
+    return {"pi": math.pi, "+pi": math.pi, "-pi": -math.pi}.get(word.lower()) or float(word)
 
 
 def _bare(text: str) -> str:

@@ -6,22 +6,27 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...simulation.tracking import Tracking
-from ..text.quantities import digits
+from ..text.quantities import digits, percent, plain
 from ..text.tables import WIDTH, Table
+
+_TIE = 1.05
+"""Times to settle within this factor are alike: another rope or friction changes them by more."""
 
 
 def describe_rivals(runs: Mapping[str, Tracking]) -> str:
     """A table of how controllers did, and which of them to take.
 
-    To be taken is the one that settles the most moves, of several the one with the least mean time to settle; the text
-    says so if another one does that with half the travel of its voltages or less.
+    To be taken is the one that settles the most moves, of several the one with the least mean time to settle, and of
+    those that are as quick within 5 % the one whose cart's input travels least; the text says so if another one does
+    that with half the travel of its inputs or less.
 
     Args:
         runs: of each controller, by name, along the same reference.
     """
+    units = sorted({run.units.get(name, "V") for run in runs.values() for name in run.command})
     head = (
-        "controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", "travel, V/s", "sign changes",
-        "at the limit",
+        "controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", f"travel, {', '.join(units)}/s",
+        "sign changes", "at the limit",
     )  # fmt: skip
     rows = []
     for name, run in runs.items():
@@ -36,11 +41,11 @@ def describe_rivals(runs: Mapping[str, Tracking]) -> str:
                 name,
                 f"{times} of {len(run.moves)}",
                 digits(mean) if times else "never",
-                f"{np.degrees(swing):.2g}°",
-                ", ".join(map(digits, itae)),
-                ", ".join(map(digits, travel)),
+                f"{plain(np.degrees(swing))}°",
+                ", ".join(map(plain, itae)),
+                ", ".join(map(plain, travel)),
                 ", ".join(map(str, changes)),
-                ", ".join(f"{100 * share:.2g} %" for share in limit),
+                ", ".join(percent(share) for share in limit),
             )
         )
     return "\n".join([*Table(head, rows).turned(), *textwrap.wrap(_advice(runs), WIDTH)]) + "\n"
@@ -53,15 +58,18 @@ def _settled(run: Tracking) -> tuple[int, float]:
 
 
 def _advice(runs: Mapping[str, Tracking]) -> str:
-    best = min(runs, key=lambda name: (-_settled(runs[name])[0], _settled(runs[name])[1]))
-    count, mean = _settled(runs[best])
+    count = max(_settled(run)[0] for run in runs.values())
     if not count:
         return "None of them settles a move: take none."
+    times = {name: mean for name, (number, mean) in ((n, _settled(run)) for n, run in runs.items()) if number == count}
+    quick = [name for name, mean in times.items() if mean <= _TIE * min(times.values())]
+    best = min(quick, key=lambda name: _travel(runs[name]))
+    mean = times[best]
     of = len(runs[best].moves)
     text = f"Take {best}: on this model it settles {count} of {of} moves, in {digits(mean)} s on average."
     if count < of:
         text += f" The load does not settle in the other {of - count}."
-    calm = min((name for name in runs if _settled(runs[name])[0] == count), key=lambda name: _travel(runs[name]))
+    calm = min(times, key=lambda name: _travel(runs[name]))
     if calm != best and _travel(runs[calm]) <= 0.5 * _travel(runs[best]):
         text += f" {calm} settles as many with {_travel(runs[calm]) / _travel(runs[best]):.0%} of the travel of u_x."
     return text

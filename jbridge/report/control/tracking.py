@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import math
+import textwrap
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -20,8 +22,8 @@ from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_
 from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import page
-from ..text.quantities import digits
-from ..text.tables import Table
+from ..text.quantities import digits, percent, plain
+from ..text.tables import WIDTH, Table
 from ..text.words import capital
 from .warnings import tracking_warnings, warning_lines
 
@@ -35,7 +37,7 @@ _HEAD = (
     "overshoot of x, l",
     "steady error of x, l",
     "swing left",
-    "travel of u_x, u_l [V/s]",
+    "travel of u_x, u_l [{}]",
     "sign changes of u_x, u_l",
     "u_x, u_l at the limit",
 )
@@ -61,20 +63,37 @@ def save_tracking(folder: PathLike, tracking: Tracking, controller: Controller) 
     save_controller(target / "controller.toml", controller)
     moves = [dataclasses.asdict(move) for move in tracking.moves]
     remarks = [*map(capital, tracking_warnings(tracking)), *silence(tracking, controller)]
-    content = {"schema": 1, "moves": moves, "warnings": remarks}
+    content = {
+        "schema": 1,
+        "moves": moves,
+        "warnings": remarks,
+        "noise": list(tracking.noise),
+        "units": _units(tracking),
+    }
     write_text(target / "control.json", json.dumps(content, indent=2) + "\n")
     pictures = (*tracking_pictures(tracking), *rule_pictures(tracking, controller))
     for drawn in pictures:
         write_bytes(target / "figures" / f"{drawn.name}.png", drawn.png)
-    moved = Table(_HEAD, _rows(tracking))
-    shown = page("control.html", tracking=tracking, moves=moved, remarks=remarks, pictures=pictures)
+    moved = _table(tracking)
+    shown = page(
+        "control.html",
+        tracking=tracking,
+        moves=moved,
+        noise=noise_sentence(tracking),
+        remarks=remarks,
+        pictures=pictures,
+    )
     write_text(target / "control.html", shown)
     return target / "control.html"
 
 
 def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str:
     """How each move went, as a table for the terminal."""
-    lines = [*warning_lines(tracking_warnings(tracking)), *Table(_HEAD, _rows(tracking)).turned()]
+    lines = [
+        *warning_lines(tracking_warnings(tracking)),
+        *_table(tracking).turned(),
+        *textwrap.wrap(noise_sentence(tracking), WIDTH),
+    ]
     if folder is not None:
         lines += [f"Report      {Path(folder) / 'control.html'}", f"            {Path(folder) / RUN}"]
     return "\n".join(lines) + "\n"
@@ -83,13 +102,14 @@ def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str
 def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
     """Positions, voltages and the load's way."""
     reference: Run = {"t": tracking.times, **tracking.reference}
+    units = _units(tracking)
     runs: dict[str, Run] = {"simulated": {"t": tracking.times, **tracking.position, **tracking.command}}
     stops = [("start", float(tracking.reference["x"][0]), float(tracking.reference["l"][0]))]
     for number, goal in enumerate(_goals(tracking), start=1):
         stops.append((f"goal {number}", *goal))
     return (
         draw_positions("positions", "Positions along the reference", reference, runs),
-        draw_commands("commands", "What the controller commands", runs),
+        draw_commands("commands", "What the controller commands", runs, units),
         draw_way("way", "The way of the load", reference, runs, stops),
     )
 
@@ -112,7 +132,7 @@ def silence(tracking: Tracking, controller: Controller) -> list[str]:
     """Sentences on times in which no rule of a fuzzy controller fired."""
     shares = {axis: silent_share(system, values) for axis, system, values in _asked(tracking, controller)}
     return [
-        f"No rule of the {axis} fires in {100 * share:.2g} % of the time; its voltage is then the middle of its range."
+        f"No rule of the {axis} fires in {percent(share)} of the time; its voltage is then the middle of its range."
         for axis, share in shares.items()
         if share > 0
     ]
@@ -140,6 +160,26 @@ def _goals(tracking: Tracking) -> list[tuple[float, float]]:
     return out
 
 
+def noise_sentence(tracking: Tracking) -> str:
+    """What the encoders add to what the controller reads."""
+    if not any(tracking.noise):
+        return "Encoders read without noise."
+    x, psi, l = tracking.noise
+    sizes = f"{plain(1e3 * x)} mm (x), {plain(math.degrees(psi))}° (psi), {plain(1e3 * l)} mm (l)"
+    return f"Encoders read with noise, the same in every run and in tune: {sizes}, standard deviations."
+
+
+def _units(tracking: Tracking) -> dict[str, str]:
+    """Unit of each input."""
+    return {name: tracking.units.get(name, "V") for name in tracking.command}
+
+
+def _table(tracking: Tracking) -> Table:
+    """How each move went."""
+    units = dict.fromkeys(f"{unit}/s" for unit in _units(tracking).values())
+    return Table([name.format(", ".join(units)) for name in _HEAD], _rows(tracking))
+
+
 def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for number, (move, (x, l)) in enumerate(zip(tracking.moves, _goals(tracking), strict=True), start=1):
@@ -152,12 +192,12 @@ def _rows(tracking: Tracking) -> list[tuple[str, ...]]:
                 f"{x:.3g}, {l:.3g}",
                 f"{settled[0]}, {settled[1]}",
                 settled[2],
-                ", ".join(f"{100 * move.overshoot[k]:.2g} %" for k in ("x", "l")),
-                ", ".join(f"{1e3 * move.steady_error[k]:.2g} mm" for k in ("x", "l")),
-                f"{57.29577951308232 * move.residual_swing:.2g}°",
-                ", ".join(f"{move.travel[k]:.2g}" for k in ("x", "l")),
+                ", ".join(f"{plain(100 * move.overshoot[k])} %" for k in ("x", "l")),
+                ", ".join(f"{plain(1e3 * move.steady_error[k])} mm" for k in ("x", "l")),
+                f"{plain(math.degrees(move.residual_swing))}°",
+                ", ".join(plain(move.travel[k]) for k in ("x", "l")),
                 ", ".join(str(move.sign_changes[k]) for k in ("x", "l")),
-                ", ".join(f"{100 * move.saturation[k]:.2g} %" for k in ("x", "l")),
+                ", ".join(percent(move.saturation[k]) for k in ("x", "l")),
             )
         )
     return rows

@@ -1,6 +1,7 @@
 """What `tune` leaves: the tuned controller, how it compares, and the pictures."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,10 @@ from ..figures.control.tracking import draw_positions
 from ..figures.style import Picture
 from ..files import PathLike, alone_in_folder, write_bytes, write_text
 from ..text.html import page
-from ..text.quantities import digits
+from ..text.quantities import digits, plain
 from ..text.tables import Table
 from ..text.words import capital
-from .warnings import SHOWN, tuning_warnings, warning_lines
+from .warnings import SHOWN, shown_unit, tuning_warnings, warning_lines
 
 _DRAWN = ("settling_load", "residual_swing", "itae_x")
 _SHOWN_ERROR = 0.2
@@ -49,7 +50,7 @@ def save_tuning(folder: PathLike, tuning: Tuning) -> Path:
             name: {key: {"before": _numbers(before[key]), "after": _numbers(after[key])} for key in UNITS}
             for name, (before, after) in tuning.measures.items()
         },
-        "units": dict(UNITS),
+        "units": {key: re.sub("V", tuning.units.get(f"u_{key[-1]}", "V"), unit) for key, unit in UNITS.items()},
         "history": _numbers(tuning.history),
         "rollouts": tuning.rollouts,
         "seconds": tuning.seconds,
@@ -101,9 +102,10 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
 
 def _responses(tuning: Tuning) -> Picture:
     given, tuned = tuning.responses
+    units = {name: tuning.units.get(name, "V") for name in ("u_x", "u_l")}
     wanted = {"t": given["t"], "x": given["x_ref"], "l": given["l_ref"]}
     return draw_positions(
-        "response", "The first move, on the model itself", wanted, {"as given": given, "tuned": tuned}, volts=True
+        "response", "The first move, on the model itself", wanted, {"as given": given, "tuned": tuned}, units
     )
 
 
@@ -127,9 +129,9 @@ def _rows(tuning: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     rows = [
         ("cost", *(digits(value) for name in _COURSES for value in tuning.costs[name])),
     ]
-    for key, (said, unit, factor) in SHOWN.items():
+    for key, (said, _, factor) in SHOWN.items():
         cells = [_spread(factor * own[key]) for name in _COURSES for own in tuning.measures[name]]
-        rows.append((f"{said} [{unit}]", *cells))
+        rows.append((f"{said} [{shown_unit(key, tuning.units)}]", *cells))
     return head, rows
 
 
@@ -137,8 +139,8 @@ def _spread(values: NDArray[np.float64]) -> str:
     filled = np.where(np.isnan(values), np.inf, values)
     middle, most = float(np.median(filled)), float(np.max(filled))
     never = int(np.isinf(filled).sum())
-    largest = f"{never} never" if never else digits(most)
-    return f"{digits(middle) if np.isfinite(middle) else 'never'} ({largest})"
+    largest = f"{never} never" if never else plain(most, 3)
+    return f"{plain(middle, 3) if np.isfinite(middle) else 'never'} ({largest})"
 
 
 def _page(tuning: Tuning, pictures: tuple[Picture, ...]) -> str:

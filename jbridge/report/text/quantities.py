@@ -83,6 +83,15 @@ def digits(value: float | None, count: int = 3) -> str:
     return f"{value:.{max(count - 1 - size, 0)}f}"
 
 
+def plain(value: float, count: int = 2) -> str:
+    """A measured number as a person writes it: without an exponent, and 0 where nothing would be measured.
+
+    >>> plain(-1.04e4), plain(2512.0), plain(0.0031), plain(5.71e-18)
+    ('-10400', '2512', '0.0031', '0')
+    """
+    return digits(value, count) if 1e-4 <= abs(value) < 1e6 else f"{value + 0.0:.0f}"
+
+
 def unbroken(text: str) -> str:
     """A text in which no line ends between a number and its unit.
 

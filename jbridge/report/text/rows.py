@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from ...diagnosis.criteria import CRITERIA
 from ...diagnosis.result import Diagnosis
 from ...identification.result import Estimate, Fit
+from ...model.files import HOIST
 from .quantities import UNKNOWN, digits, error_scale, join_unit, percent, shown, times_noise
 from .words import is_choice, parameter_meaning
 
@@ -115,6 +116,8 @@ class Part:
 def parts(fit: Fit) -> list[Part]:
     """A fit's estimates, sorted into the bridge (first) and its effects (in the model's order).
 
+    A locked rope has no numbers of a hoist.
+
     A name is `cart_gain`, or `kind@site.key`; `kind@site#2.key` belongs to a second effect of that kind there.
     """
     bridge: dict[str, Estimate] = {}
@@ -123,7 +126,7 @@ def parts(fit: Fit) -> list[Part]:
         owner, _, key = name.partition(".")
         if "@" in owner:
             effects.setdefault(owner, {})[key] = estimate
-        else:
+        elif name not in HOIST or fit.model.has_hoist:
             bridge[name] = estimate
     found = [Part(None, None, bridge)]
     for owner, parameters in effects.items():

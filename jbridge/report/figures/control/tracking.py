@@ -17,13 +17,15 @@ _ROWS = (
     ("psi", "swing angle\npsi [deg]", 57.29577951308232),
 )
 
-_VOLTS = (("u_x", "cart drive\nu_x [V]", 1.0), ("u_l", "hoist drive\nu_l [V]", 1.0))
+_DRIVES = {"u_x": "cart drive", "u_l": "hoist drive"}
 
 Run = Mapping[str, NDArray[np.float64]]
-"""Columns `t` [s], `x` [m], `psi` [rad], `l` [m], `u_x`, `u_l` [V]."""
+"""Columns `t` [s], `x` [m], `psi` [rad], `l` [m], `u_x`, `u_l`."""
 
 
-def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run], *, volts: bool = False) -> Picture:
+def draw_positions(
+    name: str, title: str, reference: Run, runs: Mapping[str, Run], units: Mapping[str, str] = {}
+) -> Picture:
     """Positions over time.
 
     Args:
@@ -31,9 +33,9 @@ def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run
         title: stands above it.
         reference: columns `t`, `x`, `l`.
         runs: by what they are called.
-        volts: whether voltages are shown as well.
+        units: of the inputs that are shown as well.
     """
-    rows = _ROWS + _VOLTS if volts else _ROWS
+    rows = (*_ROWS, *((key, f"{_DRIVES[key]}\n{key} [{unit}]", 1.0) for key, unit in (units or {}).items()))
 
     def draw(figure: FigureBase) -> None:
         panels = figure.subplots(len(rows), 1, sharex=True)
@@ -58,17 +60,15 @@ def draw_positions(name: str, title: str, reference: Run, runs: Mapping[str, Run
     return picture(name, title, 2.2 * len(rows), draw)
 
 
-def draw_commands(name: str, title: str, runs: Mapping[str, Run]) -> Picture:
-    """Voltages over time, cart on the left and hoist on the right."""
+def draw_commands(name: str, title: str, runs: Mapping[str, Run], units: Mapping[str, str]) -> Picture:
+    """Commands over time, cart on the left and hoist on the right."""
 
     def draw(figure: FigureBase) -> None:
         panels = figure.subplots(1, 2)
-        for panel, key, label in zip(
-            panels, ("u_x", "u_l"), ("cart drive u_x [V]", "hoist drive u_l [V]"), strict=True
-        ):
+        for panel, (key, drive) in zip(panels, _DRIVES.items(), strict=True):
             for (said, run), colour, dashes in zip(runs.items(), _COLOURS, _DASHES, strict=False):
                 panel.step(run["t"], run[key], where="post", color=colour, linestyle=dashes, linewidth=1.1, label=said)
-            panel.set_ylabel(label)
+            panel.set_ylabel(f"{drive} {key} [{units[key]}]")
             panel.set_xlabel("time [s]")
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=len(names))
