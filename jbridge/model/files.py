@@ -278,7 +278,8 @@ def _read_recorded(file: Where, table: Any) -> tuple[dict[str, tuple[float, floa
         file.refuse("recorded is not a table; write [recorded] with x = [0.0, 1.2], or delete it")
     where = file.within("[recorded]")
     where.check_keys(table, (*_RECORDED, *_INPUTS, *_RANGES), "key")
-    found, units = {}, {}
+    found: dict[str, tuple[float, float]] = {}
+    units: dict[str, str] = {}
     for key in [key for key in _INPUTS if key in table]:
         if table[key] not in _UNITS:
             where.refuse(f"{key} = {shown(table[key])} is no unit of an input; write one of {', '.join(_UNITS)}")
@@ -287,7 +288,7 @@ def _read_recorded(file: Where, table: Any) -> tuple[dict[str, tuple[float, floa
         sound = isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)
         if not (sound and -math.inf < ends[0] <= ends[1] < math.inf):
             where.refuse(f"{key} = {shown(ends)} does not go from least to most; write it as {key} = [0.0, 1.2]")
-        found[_RANGES.get(key, key)] = (float(ends[0]), float(ends[1]))
+        found[_RANGES[key] if key in _RANGES else key] = (float(ends[0]), float(ends[1]))
     return found, units
 
 

@@ -529,7 +529,7 @@ def test_controllers_beside_one_that_runs_away_are_compared(tmp_path, capsys, mo
 
 def test_controllers_called_alike_go_by_their_folders_and_none_is_replaced(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "model.toml").write_text(model_text(FRICTION))
+    (tmp_path / "rig.toml").write_text(model_text(FRICTION))
     for name in ("slow", "quick"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "controller.toml").write_text(
@@ -540,12 +540,12 @@ def test_controllers_called_alike_go_by_their_folders_and_none_is_replaced(tmp_p
     (tmp_path / "slow" / "controller.toml").rename(tmp_path / "slow" / "mine.toml")
     before = (tmp_path / "slow" / "controller-cart.fis").read_bytes()
     # The file that a controller names, and, since each has a folder called like its own, a controller itself.
-    assert main(["control", "model.toml", "--controller", "slow/mine.toml", "--out", "slow"]) == 2
+    assert main(["control", "rig.toml", "--controller", "slow/mine.toml", "--out", "slow"]) == 2
     assert "controller-cart.fis: the results would replace this file" in capsys.readouterr().err
     assert (tmp_path / "slow" / "controller-cart.fis").read_bytes() == before
     (tmp_path / "slow" / "mine.toml").rename(tmp_path / "slow" / "controller.toml")
     rivals = ["slow/controller.toml", "quick/controller.toml"]
-    assert main(["control", "model.toml", "--controller", *rivals, "--out", "."]) == 2
+    assert main(["control", "rig.toml", "--controller", *rivals, "--out", "."]) == 2
     assert "slow/controller.toml: the results would replace this file" in capsys.readouterr().err
 
 

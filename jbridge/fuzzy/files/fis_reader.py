@@ -39,8 +39,6 @@ _SYSTEM = (
     "name", "type", "version", "numinputs", "numoutputs", "numrules", "andmethod", "ormethod", "impmethod", "aggmethod",
     "defuzzmethod",
 )  # fmt: skip
-_KEYS = ("name", "range", "nummfs")
-"""Of an input or output, besides those of its sets."""
 AND, OR = ("min", "prod"), ("max", "probor")
 IMPLICATION, AGGREGATION = ("min", "prod"), ("max", "sum", "probor")
 """Norms that a `.fis` file can name."""
@@ -105,9 +103,9 @@ class _Reader:
                 self.sections[current][entry[1].lower()] = (number, entry[2].strip())
             else:
                 self.complain(number, f"{quoted(line)} is neither a [section] nor key=value")
-        self.check_keys()
         if "system" not in self.sections:
             raise InputError(f"{path}: there is no [System] section; this is not a .fis file")
+        self.check_keys()
         self.inputs, self.outputs = self.count("numinputs", "input"), self.count("numoutputs", "output")
         if "numrules" in self.sections["system"]:
             line, wanted = self.whole("system", "numrules")
@@ -115,11 +113,10 @@ class _Reader:
                 self.complain(line, f"NumRules is {wanted}, but [Rules] has {len(self.rules)} rules; correct either")
 
     def check_keys(self) -> None:
-        for section, entries in self.sections.items():
-            known = _SYSTEM if section == "system" else _KEYS if _VARIABLE.fullmatch(section) else entries
-            for key, (line, _) in entries.items():
-                if key not in known and not (known is _KEYS and re.fullmatch("mf[0-9]+", key)):
-                    self.complain(line, f"unknown key {quoted(key)}; {nearest(key, known)}")
+        """Those of [System] have defaults, which would take the place of a misspelt one; all others are missed."""
+        for key, (line, _) in self.sections["system"].items():
+            if key not in _SYSTEM:
+                self.complain(line, f"unknown key {quoted(key)}; {nearest(key, _SYSTEM)}")
 
     def complain(self, line: int, problem: str) -> NoReturn:
         raise InputError(f"{self.path}: line {line}: {problem}")
