@@ -53,6 +53,8 @@ def added(
     if problem.is_late:
         return [], []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    # What some recordings gain, all are taken to gain in proportion.
+    times = len(problem.recordings) / len(part.recordings)
 
     def of_numbers(candidate: Candidate, free: NDArray[np.int64]) -> float:
         return unit * min(len(free) - len(there.free), 2 * len(candidate.free))
@@ -61,12 +63,13 @@ def added(
         return of_numbers(candidate, free) + choice[candidate.name]
 
     # Of two that meet the recordings as well, the one with fewer numbers comes first.
-    chosen = sorted(best.values(), key=lambda found: found[0] + price(found[1], found[2].free))[: CRITERIA.refitted]
+    chosen = sorted(best.values(), key=lambda found: times * found[0] + price(found[1], found[2].free))
+    chosen = chosen[: CRITERIA.refitted]
     if leaves_nothing(problem, now):
         # Beside noise alone windows are quadratic as the screen takes them, and what does not pay for its numbers there
         # needs no fit.
         given = None
-        chosen = [(v, c, start) for v, c, start in chosen if there.value - v > of_numbers(c, start.free)]
+        chosen = [(v, c, start) for v, c, start in chosen if times * (there.value - v) > of_numbers(c, start.free)]
         if not chosen:
             return [], []
     low = problem.shortest().of_recordings(part.recordings)
@@ -81,7 +84,7 @@ def added(
         ):
             # The same numbers are estimated from either place.
             if candidate.free == best[candidate.name][1].free:
-                shown.setdefault(candidate.name, (value + price(candidate, start.free), start))
+                shown.setdefault(candidate.name, (times * value + price(candidate, start.free), start))
         ahead = sorted(shown, key=lambda name: shown[name][0])[: CRITERIA.refitted]
         chosen += [best[name] for name in ahead if all(candidate.name != name for _, candidate, _ in chosen)]
         elsewhere = {name: shown[name][1] for name in ahead}
@@ -100,10 +103,9 @@ def added(
     points = part.solve(space.engine, better_of(part, space, [start for _, _, start in chosen], after), TRIAL)
     order = []
     for (_, candidate, _), point, short_point in zip(chosen, points, fitted, strict=True):
-        gains, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
-        order.append(
-            _Tried(candidate, axis_of(problem.setting, candidate.name), point, (gains[0] - cost, gains[1] - cost))
-        )
+        gained, cost = (there.value - point.value, without.value - short_point.value), price(candidate, point.free)
+        gains = times * gained[0] - cost, times * gained[1] - cost
+        order.append(_Tried(candidate, axis_of(problem.setting, candidate.name), point, gains))
     order.sort(key=lambda tried: -tried.promise)
     # The best of each axis, since what acts on one of them is seldom told by another, and the best of all.
     first = {tried.axis: k for k, tried in reversed(list(enumerate(order)))}

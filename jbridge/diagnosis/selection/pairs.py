@@ -56,6 +56,8 @@ def paired(
     [point] = part.evaluate(space.engine, [Start(vector, np.array(free, np.int64), there.states)])
     [normal] = part.normal(space.engine, [point])
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    # What some recordings gain, all are taken to gain in proportion.
+    times = len(problem.recordings) / len(part.recordings)
     column = {p: k for k, p in enumerate(free)}
     screened = []
     for pair in itertools.combinations(first, 2):
@@ -64,9 +66,9 @@ def paired(
         own = list(dict.fromkeys([*given, *places[pair[0]], *places[pair[1]]]))
         step, value = linear_optimum(part, space, point, normal, [column[p] for p in own])
         price = unit * (len(own) - len(given)) + sum(choice[name] for name in pair)
-        screened.append((value + price, price, pair, own, step))
-    screened.sort(key=lambda found: found[0])
-    tried = [found for found in screened[: CRITERIA.refitted] if found[0] < there.value]
+        screened.append((times * (there.value - value) - price, price, pair, own, step))
+    screened.sort(key=lambda found: -found[0])
+    tried = [found for found in screened[: CRITERIA.refitted] if found[0] > 0.0]
     starts = []
     for _, _, pair, own, step in tried:
         start = there.vector
@@ -78,7 +80,7 @@ def paired(
     if not starts:
         return []
     points = part.solve(space.engine, starts, _TRIAL)
-    gains = [there.value - p.value - found[1] for p, found in zip(points, tried, strict=True)]
+    gains = [times * (there.value - p.value) - found[1] for p, found in zip(points, tried, strict=True)]
     best = sorted((k for k, gain in enumerate(gains) if gain > 0.0), key=lambda k: -gains[k])[: CRITERIA.polished]
     return [
         with_effects(problem, part, now, among, [first[name] for name in tried[k][2]], points[k], choice) for k in best

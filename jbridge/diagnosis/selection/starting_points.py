@@ -7,6 +7,7 @@ import cmath
 import dataclasses
 import functools
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -35,7 +36,7 @@ def promising(
 ) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left, and
     the one near them at which it explains most: the time of a step has a gradient only within one sample of the true
-    one. The others as they are.
+    one; none where it explains nothing. The others as they are.
 
     Args:
         problem: recordings.
@@ -54,11 +55,28 @@ def promising(
         shares = explained(own)
         # Two places may be one and the same, as a push and the pause after it are.
         _, first = np.unique(np.round(-shares, 9), return_index=True)
-        best = [(float(shares[i]), own[i]) for i in first[:_MOST_STARTS]]
-        near = max((_nearby(*place, own, explained) for place in best), key=lambda place: place[0])
-        out += [candidate for _, candidate in best]
-        out += [near[1]] if near[0] > best[0][0] else []
+        best: list[int] = []
+        counts = Counter[Recording | None]()
+        # What may have happened in all recordings or in one of them is looked for in each case: at first places are far
+        # apart, and which is the better one shows when what is near has been tried.
+        scopes = [_recording(problem.setting, candidate) for candidate in own]
+        most = _MOST_STARTS if len(set(scopes)) == 1 else 1
+        for i in map(int, first):
+            if counts[scopes[i]] < most and shares[i] > 0.0:
+                counts[scopes[i]] += 1
+                best.append(i)
+        if not best:
+            continue
+        near = max((_nearby(float(shares[i]), own[i], own, explained) for i in best), key=lambda place: place[0])
+        out += [own[i] for i in best]
+        out += [near[1]] if near[0] > shares.max() else []
     return out
+
+
+def _recording(setting: Setting, candidate: Candidate) -> Recording | None:
+    """The one recording in which an effect would happen, None for all."""
+    moments = MOMENTS & set(candidate.values)
+    return setting.when(float(candidate.values[min(moments)]))[0] if moments else None
 
 
 def _nearby(
