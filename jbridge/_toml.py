@@ -129,7 +129,7 @@ def read_tables(path: Path, noun: str) -> dict[str, Any]:
     Raises:
         InputError: there is no such file, it is not TOML, or it holds what nothing here reads.
     """
-    if path.suffix.lower() == ".fis":
+    if path.suffix.lower() == ".fis" and path.exists():
         raise InputError(
             f"{path}: a MATLAB fuzzy system, where a {noun} TOML belongs; a controller's TOML beside it names it:"
             f' kind = "fuzzy" and cart = "{path.name}"'

@@ -276,8 +276,9 @@ def parts(listed: dict[str, list[dict]]) -> str:
     lines = [
         "# Concealed cases, by part",
         "",
-        "Shares come with counts and 95 % Wilson intervals; an equivalent that was declared counts as right,",
-        "and a false alarm is an effect that is named where nothing is hidden.",
+        "Shares come with counts and 95 % Wilson intervals. An equivalent that was declared counts as right, such as a",
+        "constant force and Coulomb friction in the place of friction by direction; a false alarm is an effect that is",
+        "named, or an `unknown`, where nothing is hidden.",
         "Redrawn by `python experiments/concealed/run.py --figures`; do not edit.",
         "",
         "| part | cases | right name first | exact set | right verdict | confirmed names right | false alarms "

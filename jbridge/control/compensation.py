@@ -24,39 +24,42 @@ def _number(default: float) -> Any:
 
 
 class Compensation(eqx.Module):
-    """Voltage that friction and dead zone take before anything moves, given back in the direction of the command."""
+    """Command that friction and dead zone take before anything moves, given back in its direction.
+
+    All numbers are in the unit of the inputs, volts where nothing else is said.
+    """
 
     cart: Scalar = _number(0.0)
-    """[V]"""
+    """Of the cart."""
     hoist: Scalar = _number(0.0)
-    """[V]"""
+    """Of the hoist."""
     hoist_bias: Scalar = _number(0.0)
-    """What holds the load at rest [V]."""
+    """What holds the load at rest."""
     blur: Scalar = _number(0.05)
-    """Command over which the compensation changes its sign [V]."""
+    """Command over which the compensation changes its sign."""
     cart_limit: Scalar = _number(LIMITS[0])
-    """Voltage beyond which the drive saturates [V]."""
+    """Command beyond which the cart's drive saturates."""
     hoist_limit: Scalar = _number(LIMITS[1])
-    """[V]"""
+    """The same of the hoist."""
 
     @property
     def limits(self) -> Float[Array, " 2"]:
-        """Voltages beyond which the drives saturate [V]: cart, hoist."""
+        """Commands beyond which the drives saturate: cart, hoist."""
         return jnp.stack([self.cart_limit, self.hoist_limit])
 
     def __call__(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
-        """The command with what is lost on its way, within the drives' limits [V]."""
+        """The command with what is lost on its way, within the drives' limits."""
         limits = self.limits
         return jnp.clip(command + self.lost(command), -limits, limits)
 
     def lost(self, command: Float[Array, " 2"]) -> Float[Array, " 2"]:
-        """What is lost on the way of a command, and what holds the load [V]."""
+        """What is lost on the way of a command, and what holds the load."""
         lost = jnp.stack([self.cart, self.hoist]) * jnp.tanh(command / self.blur)
         return lost + jnp.stack([jnp.zeros(()), self.hoist_bias])
 
 
 def limits_of(law: AbstractController) -> Float[Array, " 2"]:
-    """Voltages of cart and hoist beyond which a controller's drives saturate [V]; the paper's if it does not say."""
+    """Commands of cart and hoist beyond which a controller's drives saturate; the paper's if it does not say."""
     given = getattr(law, "compensation", None)
     return jnp.asarray(LIMITS) if given is None else given.limits
 

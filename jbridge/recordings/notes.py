@@ -67,9 +67,9 @@ def leap_notes(channels: Channels) -> list[str]:
             first = int(filled.argmax())
             row = channels.table.row_numbers[channels.rows[first]]
             notes.append(
-                f"{name} is {values[first]:.4g} {unit} in {np.count_nonzero(filled)} single rows, far from the rows"
-                f" around them, row {row}, at {times[first]:.6g} s, the first: the sensor or the log had no reading"
-                " there; delete these rows, since a gap is a missing row."
+                f"{name} is {values[first]:.4g} {unit} in {np.count_nonzero(filled)} single rows, first in row {row}"
+                f" ({times[first]:.6g} s), far from the rows around them: the sensor or the log had no reading there;"
+                " delete these rows, since a gap is a missing row."
             )
         kept, values = times[~filled], values[~filled]
         rows = np.flatnonzero(leaping(kept, values, *limits)) + 1

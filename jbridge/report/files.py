@@ -105,8 +105,8 @@ def _check_inputs(target: Path, folder: bool, inputs: Iterable[PathLike]) -> Non
 
 
 RESULTS = (
-    "report.json", "report.html", "model.toml", "next_experiment.csv", "fit.json", "fit.html",
-    "check.html", "check.png", "control.json", "control.html", "controller.toml", "controller-cart.fis",
-    "controller-hoist.fis", "run.csv",
+    "report.json", "report.html", "model.toml", "next_experiment.csv", "fit.json", "fit.html", "check.html",
+    "check.png", "control.json", "control.html", "tune.json", "tune.html", "controller.toml", "controller-cart.fis",
+    "controller-hoist.fis", "controller.h", "run.csv",
 )  # fmt: skip
 """Names of the files that land in the results' folder, besides the figures."""

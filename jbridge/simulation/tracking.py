@@ -1,6 +1,7 @@
 """`track`: a model under a controller along a reference, and how well that went."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -42,7 +43,7 @@ class Tracking(Displayed):
     measured: Mapping[str, NDArray[np.float64]]
     """The same as the controller reads them."""
     command: Mapping[str, NDArray[np.float64]]
-    """`u_x`, `u_l` [V], held until the next sample."""
+    """`u_x`, `u_l` in the unit of the inputs, held until the next sample."""
     moves: tuple[Move, ...]
     """How each leg of the reference went."""
     recorded: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
@@ -50,7 +51,8 @@ class Tracking(Displayed):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Unit of each input where it is not volts; see `Model.units`."""
     limits: tuple[float, float] = LIMITS
-    """Commands beyond which the drives saturate [V]: cart, hoist."""
+    """Commands of cart and hoist beyond which the drives saturate, in the unit of the inputs; of a locked rope
+    infinite."""
     noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Standard deviations of what encoders add to x, psi and l [m, rad, m]."""
 
@@ -77,9 +79,10 @@ def check_limits(model: Model, controller: Controller) -> None:
             another unit.
     """
     limits = np.asarray(limits_of(controller.law)).tolist()
-    for limit, (name, axis, site) in list(zip(limits, _DRIVES, strict=True))[: 2 if model.has_hoist else 1]:
+    drives = list(zip(limits, LIMITS, _DRIVES, strict=True))[: 2 if model.has_hoist else 1]
+    for limit, usual, (name, axis, site) in drives:
         unit = model.units.get(name, "V")
-        if unit != "V" and limit in LIMITS:
+        if unit != "V" and limit == usual:
             raise InputError(
                 f"{controller.source or 'the controller'}: it drives the {axis} with {limit:g} V at most, but the"
                 f" model's {name} is in {unit}; give a controller for {unit}, with {axis}_limit under [compensation]"
@@ -162,6 +165,6 @@ def track(model: Model, controller: Controller, path: Path, *, noise: tuple[floa
         moves(path.times, goal, position, command, limits),
         model.recorded,
         model.units,
-        (limits[0], limits[1]),
+        (limits[0], limits[1] if model.has_hoist else math.inf),
         noise,
     )

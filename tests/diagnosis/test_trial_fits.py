@@ -110,3 +110,5 @@ def test_each_of_two_effects_that_are_added_together_has_its_own_runner_up():
     object.__setattr__(setting, "axes", ("x", "psi"))
     found = _next_to(setting, NOW, best, [best, *single])
     assert {new: other.names[-1] for new, other in found.items()} == {clock: offset, DRIVE: lag}
+    # What replaces an effect is no addition.
+    assert _next_to(setting, best, single[0], single) == {}

@@ -192,7 +192,7 @@ REFUSED = {
         ["row 1", "LabVIEW measurement file (.lvm)", "'No headers'"],
     ),
     "a serial plotter": (
-        lambda lines: "\n".join(f"t:{k}\tu_x:-0.5 x:{k / 7:.3f}" for k in range(60)),
+        lambda lines: "\r\n".join(f"t:{k}\tu_x:-0.5 x:{k / 7:.3f}" for k in range(60)),
         ["row 1", "serial plotter", "first row such as t,u_x,x,psi"],
     ),
     "points for thousands": (

@@ -133,6 +133,8 @@ def select(
 def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
     """The best model that adds another effect on the same axis, by each effect that the best one adds; one that adds a
     plainer effect, which this one looks like, comes before others."""
+    if not set(now.names) <= set(best.names):
+        return {}
     single = [s for s in better if s.names[:-1] == now.names and s.names[-1][0] != WRONG_VALUE]
     single = [s for s in single if s.names[-1] not in best.names]
     out = {}

@@ -36,7 +36,7 @@ def promising(
 ) -> list[Candidate]:
     """Of effects with many places to start, those few at which a plain regression explains most of what is left, and
     the one near them at which it explains most: the time of a step has a gradient only within one sample of the true
-    one; none where it explains nothing. The others as they are.
+    one. The others as they are.
 
     Args:
         problem: recordings.
@@ -65,8 +65,7 @@ def promising(
             if counts[scopes[i]] < most and shares[i] > 0.0:
                 counts[scopes[i]] += 1
                 best.append(i)
-        if not best:
-            continue
+        best = best or [int(first[0])]
         near = max((_nearby(float(shares[i]), own[i], own, explained) for i in best), key=lambda place: place[0])
         out += [own[i] for i in best]
         out += [near[1]] if near[0] > shares.max() else []

@@ -137,8 +137,8 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
 
 
 def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
-    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search, and
-    one with a plainer effect that of another which it serves as well as."""
+    """The best of several models: one with more numbers takes the place of one with fewer as it would in a search. Of
+    two that differ by look-alikes, the plainer one is taken where it serves as well."""
     first, *others = sorted(models, key=lambda s: (len(s.point.free), s.value))
     for other in others:
         if accepts(problem, first, other):

@@ -38,7 +38,8 @@ def refusal(
     column = channels.columns[channel]
     sizes = {name: size for name, size in UNITS[channel].items() if base_unit(name) == base_unit(column.unit)}
     if factor != 1 and (counts or column.scale is not None):
-        mended = replace(column, unit="count", scale=float(f"{column.size(channel) * factor:.3g}"))
+        scale = column.size(channel) * factor
+        mended = replace(column, unit="count", scale=float(f"{scale:.3g}") if counts else scale)
     elif factor != 1:
         size = sizes[column.unit] * factor
         mended = replace(column, unit=min(sizes, key=lambda name: abs(np.log(sizes[name] / size))))

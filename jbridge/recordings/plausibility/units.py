@@ -137,7 +137,7 @@ def leaping(times: np.ndarray, values: np.ndarray, least: float, fastest: float)
 
 
 def doubtful_angle(channels: Channels, locked_length: float | None) -> Iterator[InputError]:
-    """Yields the refusal of an angle that accelerates as no load does: one in degrees or milliradians."""
+    """Yields the refusal of an angle that accelerates as no load does: one in degrees, milliradians, gon or counts."""
     values = channels.values
     length = values.get("l", locked_length)
     if "psi" not in values or length is None or ("l" not in values and length > LONGEST):

@@ -36,7 +36,7 @@ NO_TABLES = (
         " the first row, or delete all rows above that of the names (X_Value, ...) and the column Comment",
     ),
     (
-        r"(?:[^\W\d]\w*:\s*[-+]?\d[\d.eE+-]*[ \t,;]*){2,}(?:\n|\Z)",
+        r"(?:(?:[^\W\d]\w*:[ \t]*[-+]?\d[\d.eE+-]*[ \t,;]*){2,}(?:\r?\n|\Z)){2}",
         "a name with each number, as for a serial plotter; print the names once, in a first row such as t,u_x,x,psi,"
         " and then numbers alone with commas between them",
     ),

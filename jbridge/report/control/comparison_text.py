@@ -23,9 +23,9 @@ def describe_rivals(runs: Mapping[str, Tracking]) -> str:
     Args:
         runs: of each controller, by name, along the same reference.
     """
-    units = sorted({run.units.get(name, "V") for run in runs.values() for name in run.command})
+    units = dict.fromkeys(f"{run.units.get(name, 'V')}/s" for run in runs.values() for name in run.command)
     head = (
-        "controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", f"travel, {', '.join(units)}/s",
+        "controller", "moves settled", "load settled, s", "swing left", "ITAE x, l", f"travel, {', '.join(units)}",
         "sign changes", "at the limit",
     )  # fmt: skip
     rows = []

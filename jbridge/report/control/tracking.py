@@ -16,6 +16,7 @@ from ...control.files import Controller, save_controller
 from ...control.fuzzy import FuzzyController
 from ...fuzzy.inference import AbstractSystem
 from ...recordings import save_csv
+from ...simulation.noise import NOISE
 from ...simulation.tracking import Tracking
 from ..figures.control.fuzzy import draw_rules, draw_surfaces, silent_share
 from ..figures.control.tracking import Run, draw_commands, draw_positions, draw_way
@@ -100,7 +101,7 @@ def describe_tracking(tracking: Tracking, folder: PathLike | None = None) -> str
 
 
 def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
-    """Positions, voltages and the load's way."""
+    """Positions, commands and the load's way."""
     reference: Run = {"t": tracking.times, **tracking.reference}
     units = _units(tracking)
     runs: dict[str, Run] = {"simulated": {"t": tracking.times, **tracking.position, **tracking.command}}
@@ -132,7 +133,7 @@ def silence(tracking: Tracking, controller: Controller) -> list[str]:
     """Sentences on times in which no rule of a fuzzy controller fired."""
     shares = {axis: silent_share(system, values) for axis, system, values in _asked(tracking, controller)}
     return [
-        f"No rule of the {axis} fires in {percent(share)} of the time; its voltage is then the middle of its range."
+        f"No rule of the {axis} fires in {percent(share)} of the time; its command is then the middle of its range."
         for axis, share in shares.items()
         if share > 0
     ]
@@ -166,7 +167,8 @@ def noise_sentence(tracking: Tracking) -> str:
         return "Encoders read without noise."
     x, psi, l = tracking.noise
     sizes = f"{plain(1e3 * x)} mm (x), {plain(math.degrees(psi))}° (psi), {plain(1e3 * l)} mm (l)"
-    return f"Encoders read with noise, the same in every run and in tune: {sizes}, standard deviations."
+    also = " and in tune" if tuple(tracking.noise) == NOISE else ""
+    return f"Encoders read with noise, the same in every run{also}: {sizes}, standard deviations."
 
 
 def _units(tracking: Tracking) -> dict[str, str]:

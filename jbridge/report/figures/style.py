@@ -76,8 +76,7 @@ def picture(name: str, title: str, height: float, draw: Callable[[FigureBase], N
         top.text(0.01, 0.0, explanation, va="bottom", fontsize=10, color="#505050")
         draw(bottom)
         content = io.BytesIO()
-        # Without the metadata the same data give the same bytes on every version.
-        figure.savefig(content, format="png", dpi=_DPI, metadata={"Software": None})
+        figure.savefig(content, format="png", dpi=_DPI)
     return Picture(name, title, _with_palette(content), figure)
 
 

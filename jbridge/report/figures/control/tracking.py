@@ -24,7 +24,7 @@ Run = Mapping[str, NDArray[np.float64]]
 
 
 def draw_positions(
-    name: str, title: str, reference: Run, runs: Mapping[str, Run], units: Mapping[str, str] = {}
+    name: str, title: str, reference: Run, runs: Mapping[str, Run], units: Mapping[str, str] | None = None
 ) -> Picture:
     """Positions over time.
 
