@@ -470,7 +470,7 @@ def test_tune_makes_a_controller_for_control(tmp_path, monkeypatch, capsys, rule
 
 
 @pytest.mark.parametrize(("words", "complaint"), [
-    (["--seed", "-1"], "the seed at least 0"),
+    (["--seed", "-1"], "seed -1: give 0 or more"),
     (["--rail", "1.2", "0"], "--rail 1.2 0: give the lower end and the higher one in metres"),
     (["--rope", "-0.1", "0.5"], "--rope -0.1 0.5: give"),
     (["--delay", "-5"], "--delay -5: give milliseconds"),

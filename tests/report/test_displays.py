@@ -62,7 +62,7 @@ def tracking():
     axes = {name: 0.5 + 0.0 * np.arange(5000) for name in ("x", "psi", "l")}
     each = dict.fromkeys(("x", "l", "load"), 0.5)
     move = Move(0.0, 1.0, each, each, each, 0.0, each, each, each, dict.fromkeys(each, 3), each)
-    return Tracking(0.01 * np.arange(5000), axes, axes, axes, axes, {"u_x": axes["x"]}, (move,))
+    return Tracking(0.01 * np.arange(5000), axes, axes, axes, axes, {"u_x": axes["x"], "u_l": axes["x"]}, (move,))
 
 
 def inspection():
