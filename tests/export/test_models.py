@@ -167,6 +167,7 @@ def test_the_command_writes_a_model(tmp_path, capsys, monkeypatch, to, name):
 def test_what_cannot_be_exported_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, complaint):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "model.toml").write_text(model_text())
+    (tmp_path / "x.fis").write_text("[System]\n")
     (tmp_path / "cart.toml").write_text("[bridge]\ncart_mass = 5.0\ncart_gain = 16.0\n")
     (tmp_path / "fuzzy.toml").write_text('kind = "fuzzy"\n')
     assert main(["export", *words, "--out", "out"]) == 2
