@@ -115,6 +115,11 @@ class Problem:
             chosen.append(max(held, key=lambda r: (len(moving[r] - seen(chosen)), r in even)))
         return self.of_recordings([*chosen, *(r for r in even if r not in chosen)][: max(most, len(chosen))])
 
+    def recordings_for_each_of(self, part: "Problem") -> float:
+        """How many recordings this has for each one of a part: what some of them gain, all are taken to gain in
+        proportion."""
+        return len(self.recordings) / len(part.recordings)
+
     def of_recordings(self, numbers: Sequence[int]) -> "Problem":
         """The same with the tilings of some recordings only."""
         return self._of([t.recording in numbers for t in self.data.tilings])

@@ -53,8 +53,7 @@ def added(
     if problem.is_late:
         return [], []
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
-    # What some recordings gain, all are taken to gain in proportion.
-    times = len(problem.recordings) / len(part.recordings)
+    times = problem.recordings_for_each_of(part)
 
     def of_numbers(candidate: Candidate, free: NDArray[np.int64]) -> float:
         return unit * min(len(free) - len(there.free), 2 * len(candidate.free))

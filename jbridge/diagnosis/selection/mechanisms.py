@@ -101,8 +101,7 @@ def with_mechanisms(
     if best is not None:
         one, other = gains(climbed(best.space, [best.point.start]))
         least = (CRITERIA.worth * one, CRITERIA.worth * other)
-    # What one recording shows of a mechanism, all of them do.
-    every, some = (len({t.recording for t in each.data.tilings}) for each in (problem, part))
+    times = problem.recordings_for_each_of(part)
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
     moves = []
     for axis in AXES:
@@ -112,7 +111,7 @@ def with_mechanisms(
         _, own, candidate, points = max(on_axis, key=lambda t: t[0])
         gained = gains(points)
         cost = unit * (len(points[0].free) - len(now.point.free))
-        if (gained[0] < least[0] and gained[1] < least[1]) or every / some * max(gained) < cost:
+        if (gained[0] < least[0] and gained[1] < least[1]) or times * max(gained) < cost:
             continue
         space = make_space(problem, own, known, shared=False)
         names = [name for name in now.names if name not in gone(candidate.name)]

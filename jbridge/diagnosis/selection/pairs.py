@@ -56,8 +56,7 @@ def paired(
     [point] = part.evaluate(space.engine, [Start(vector, np.array(free, np.int64), there.states)])
     [normal] = part.normal(space.engine, [point])
     unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
-    # What some recordings gain, all are taken to gain in proportion.
-    times = len(problem.recordings) / len(part.recordings)
+    times = problem.recordings_for_each_of(part)
     column = {p: k for k, p in enumerate(free)}
     screened = []
     for pair in itertools.combinations(first, 2):

@@ -166,8 +166,10 @@ def noise_sentence(tracking: Tracking) -> str:
     if not any(tracking.noise):
         return "Encoders read without noise."
     x, psi, l = tracking.noise
-    sizes = f"{plain(1e3 * x)} mm (x), {plain(math.degrees(psi))}° (psi), {plain(1e3 * l)} mm (l)"
-    also = " and in tune" if tuple(tracking.noise) == NOISE else ""
+    sizes = f"{plain(1e3 * x)} mm (x), {plain(math.degrees(psi))}° (psi)"
+    # No sensor reads a rope that is locked.
+    sizes += f", {plain(1e3 * l)} mm (l)" if l else ""
+    also = " and in tune" if tracking.noise in (NOISE, (*NOISE[:2], 0.0)) else ""
     return f"Encoders read with noise, the same in every run{also}: {sizes}, standard deviations."
 
 
