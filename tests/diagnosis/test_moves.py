@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jbridge.diagnosis.selection.mechanisms import with_mechanisms
-from jbridge.diagnosis.selection.moves import refinements, simplifications
+from jbridge.diagnosis.selection.moves import refinements, replacements, simplifications
+from jbridge.diagnosis.selection.search import _from_larger
 from jbridge.diagnosis.structures.space import make_space, proposals
 from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
@@ -43,6 +44,30 @@ def found():
     law = {"knots": KNOTS, "positive": [3.0, 4.0, 5.0], "negative": [5.0, 4.0, 3.0]}
     true = {"knots": FINER, "positive": [3.0, 5.0, 4.0, 6.0, 5.0], "negative": [5.0, 3.0, 4.0, 2.0, 3.0]}
     return make_case((*NAME, true), NAME, law, ("positive", "negative"))
+
+
+def test_a_model_that_stands_elsewhere_goes_to_where_a_larger_one_leads(found):
+    """It has its own optimum there; one that stands at it stays."""
+    problem, base, now = found
+    assert _from_larger(problem, base, now) is base
+    far = dataclasses.replace(base.point.start, vector=base.point.vector.copy())
+    far.vector[base.point.free[0]] *= 3.0
+    [there] = problem.evaluate(base.space.engine, [far])
+    left = dataclasses.replace(base, point=there)
+    assert left.value > base.value + 10.0
+    assert _from_larger(problem, left, now).value < base.value + 1.0
+
+
+def test_what_was_added_last_is_compared_with_its_runner_up_again(found):
+    """A model that leaves less judges more closely."""
+    problem, base, now = found
+    name = ("coulomb_friction", "cart")
+    space = make_space(problem, make_plant((*name, {"level": 3.0})), KNOWN, shared=False)
+    point = dataclasses.replace(now.point, vector=np.array(space.table.ravel(space.plant), float))
+    other = dataclasses.replace(now, space=space, names=(name,), keys={name: ("level",)}, point=point)
+    [move] = replacements(problem, base, now, {NAME: other})
+    assert move.names == (name,) and "coulomb_friction@cart.level" in move.numbers
+    assert [e.kind for e in move.space.plant_of(move.start.vector, move.names).effects] == [name[0]]
 
 
 def test_a_finer_map_starts_from_the_same_law(found):

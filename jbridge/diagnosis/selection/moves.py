@@ -213,8 +213,8 @@ def simplifications(problem: Problem, base: Structure, now: Structure) -> list[M
 
 
 def replacements(problem: Problem, base: Structure, now: Structure, runners_up: Mapping[Name, Structure]) -> list[Move]:
-    """Each added effect but the last one replaced by what came next to it when it was added: beside what was found
-    since, that may be the better one.
+    """Each added effect replaced by what came next to it when it was added: beside what was found since, and by the
+    criterion of a model that leaves less, that may be the better one.
 
     Args:
         problem: recordings.
@@ -222,7 +222,7 @@ def replacements(problem: Problem, base: Structure, now: Structure, runners_up: 
         runners_up: the model with the next best effect in its place, by effect.
     """
     out = []
-    for name in now.names[:-1]:
+    for name in now.names:
         other = runners_up.get(name)
         if other is None:
             continue

@@ -114,6 +114,9 @@ def select(
             stopped = "budget"
         if better:
             best = preferred(problem, better)
+            itself = _from_larger(problem, now, best)
+            if itself.value < now.value and not accepts(problem, itself, best):
+                best = itself
             runners_up |= _next_to(problem.setting, now, best, better)
             held.append(best)
             seen.add(frozenset(best.free))
@@ -128,6 +131,20 @@ def select(
     except KeyboardInterrupt:
         stopped = "interrupted"
     return Search(problem, tuple(held), tuple(tried), stopped)
+
+
+def _from_larger(problem: Problem, now: Structure, larger: Structure) -> Structure:
+    """The model itself, from the numbers of a larger one where these are better for it, too: what a larger model gains
+    must not be what another minimum of the smaller one gains, as that of another time of a push."""
+    if not set(now.free) < set(larger.free):
+        return now
+    vector, table = now.point.vector.copy(), larger.space.table
+    vector[now.point.free] = [larger.point.vector[table.positions(name)[0]] for name in now.free]
+    [there] = problem.evaluate(now.space.engine, [Start(vector, now.point.free, larger.point.states)])
+    if there.value >= now.point.value:
+        return now
+    [point] = problem.solve(now.space.engine, [there.start])
+    return weighed(problem, dataclasses.replace(now, point=point))
 
 
 def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
