@@ -18,7 +18,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-sys.path += [str(HERE.parent / "paper")]
+sys.path += [str(HERE.parent), str(HERE.parent / "paper")]
 
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
@@ -27,10 +27,14 @@ import jbridge  # noqa: E402
 from comparison import draw  # noqa: E402
 from on_rig import on_rig  # noqa: E402
 from rivals import lqr_gains, population  # noqa: E402
+from version import commit  # noqa: E402
 
 DATA = ROOT / "figures" / "data" / "tuning.json"
 OUT = ROOT / "out" / "tuning"
-MEASURES = ("settling_load", "residual_swing", "itae_x", "itae_l")
+MEASURES = (
+    "settling_load", "residual_swing", "itae_x", "itae_l", "chatter_x", "chatter_l", "sign_changes_x",
+    "sign_changes_l",
+)  # fmt: skip
 """What is kept of every held-out bridge and move."""
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
 PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
@@ -49,10 +53,11 @@ class Bench:
 
     def __init__(self) -> None:
         self.model = jbridge.load_model(FITTED)
-        plant = self.model.plant
-        rows = jbridge.scattered(plant, PLANTS, SEED)
-        self.train = jbridge.Course(plant, rows, jbridge.mixed_legs(PLANTS, SEED), PERIOD)
-        self.others = jbridge.scattered(plant, HELD_OUT + 1, HELD_OUT_SEED)[1:]
+        plant, given = self.model.plant, self.model.uncertainty
+        self.noise = jbridge.Scatter().noise
+        rows = jbridge.scattered(plant, PLANTS, SEED, uncertainty=given)
+        self.train = jbridge.Course(plant, rows, jbridge.mixed_legs(PLANTS, SEED), PERIOD, noise=self.noise)
+        self.others = jbridge.scattered(plant, HELD_OUT + 1, HELD_OUT_SEED, uncertainty=given)[1:]
         self.moves = jbridge.random_legs(4, HELD_OUT_SEED, bridges=HELD_OUT)
 
 
@@ -133,7 +138,7 @@ def compare(name: str, law: object, bench: Bench) -> None:
         file = OUT / f"{name.replace(',', '').replace(' ', '-')}.toml"
         jbridge.save_controller(file, jbridge.Controller(law, PERIOD))
     prepare = shaper(name, bench)
-    held_out = jbridge.Course(bench.model.plant, bench.others, bench.moves, PERIOD, prepare)
+    held_out = jbridge.Course(bench.model.plant, bench.others, bench.moves, PERIOD, prepare, bench.noise)
     measured = jbridge.measure(held_out, law)
     moves = jbridge.Course(bench.model.plant, bench.train.rows[:1], jbridge.paper_legs(), PERIOD, prepare)
     rig = on_rig(jbridge.Controller(law, PERIOD), moves)
@@ -166,7 +171,7 @@ def keep(section: str, name: str, value: dict) -> None:
     kept[section] = {key: own[key] for key in CONTROLLERS if key in own}
     kept["settings"] = {
         "plants": PLANTS, "held_out": HELD_OUT, "steps": STEPS, "starts": STARTS, "seed": SEED,
-        "held_out_seed": HELD_OUT_SEED, "period": PERIOD,
+        "held_out_seed": HELD_OUT_SEED, "period": PERIOD, "commit": commit(),
     }  # fmt: skip
     DATA.write_text(json.dumps(kept, separators=(",", ":")) + "\n")
 

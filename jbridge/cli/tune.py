@@ -14,8 +14,8 @@ Tunes a fuzzy controller's sets, scales and rule weights, or another law's
 gains, by gradients through simulated moves of many bridges with parameters
 about those of a model, and compares the result on further bridges and moves.
 
-Without --controller the rules named by --rules are tuned: the paper's, or the
-extended ones, in which velocity and swing angle act; or a PID controller, or
+Without --controller the rules named by --rules are tuned: the extended ones, in
+which velocity and swing angle act, or the paper's; or a PID controller, or
 state feedback that begins as an LQR of the model, on the positions' differences
 (lqr) or on the states that a Kalman filter estimates (lqg). DIR receives
 controller.toml (tuned, for jbridge control), controller.h (the same in C),
@@ -29,11 +29,11 @@ into the model, otherwise by shares that are usual for laboratory bridges.
 def add(commands: Commands) -> None:
     """Adds the command to the parser."""
     tune = command(commands, "tune", "tune a controller by gradients", _HELP, run)
-    tune.epilog = "example:\n  jbridge tune fitted/model.toml --rules extended --out tuned"
+    tune.epilog = "example:\n  jbridge tune fitted/model.toml --out tuned"
     tune.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to start from")
     tune.add_argument(
-        "--rules", choices=("paper", "extended", "pid", "lqr", "lqg"), default="paper", help="otherwise (%(default)s)"
+        "--rules", choices=("extended", "paper", "pid", "lqr", "lqg"), default="extended", help="otherwise (%(default)s)"
     )
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
