@@ -12,6 +12,9 @@ import json
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Any
+
+from version import commit
 
 import jbridge
 
@@ -82,14 +85,16 @@ def measure(controller: jbridge.Controller, real: str) -> dict[str, float]:
     return {"code": int(code) + int(data), "state": int(state), "cycles": float(cycles)}
 
 
-def table(kept: dict[str, dict[str, dict[str, float]]]) -> str:
-    """The page in markdown."""
+def table(kept: dict[str, Any]) -> str:
+    """The page in markdown, from `commit` and the numbers of all `controllers`."""
     lines = [
+        f"Version {kept['commit']}.",
+        "",
         "| controller | code and tables, double (float) [bytes] | state, double (float) [bytes] |"
         " a step, double [cycles] |",
         "|---|---|---|---|",
     ]
-    for name, found in kept.items():
+    for name, found in kept["controllers"].items():
         double, single = found["double"], found["float"]
         sizes = " | ".join(f"{double[key]:,} ({single[key]:,})" for key in ("code", "state"))
         lines.append(f"| {name} | {sizes} | {10 * round(double['cycles'] / 10)} |")
@@ -104,7 +109,7 @@ def main() -> None:
         found = {
             name: {real: measure(own, real) for real in ("double", "float")} for name, own in controllers().items()
         }
-        DATA.write_text(json.dumps(found, separators=(",", ":")) + "\n")
+        DATA.write_text(json.dumps({"commit": commit(), "controllers": found}, separators=(",", ":")) + "\n")
     (ROOT / "figures" / "export-table.md").write_text(table(json.loads(DATA.read_text())))
 
 

@@ -32,9 +32,8 @@ def add(commands: Commands) -> None:
     tune.epilog = "example:\n  jbridge tune fitted/model.toml --out tuned"
     tune.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to start from")
-    tune.add_argument(
-        "--rules", choices=("extended", "paper", "pid", "lqr", "lqg"), default="extended", help="otherwise (%(default)s)"
-    )
+    rules = ("extended", "paper", "pid", "lqr", "lqg")
+    tune.add_argument("--rules", choices=rules, default=rules[0], help="otherwise (%(default)s)")
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
     tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
