@@ -118,13 +118,16 @@ def tracking_pictures(tracking: Tracking) -> tuple[Picture, ...]:
 def rule_pictures(tracking: Tracking, controller: Controller) -> tuple[Picture, ...]:
     """For a fuzzy controller, what its rules say and which of them spoke when."""
     pictures = []
+    units = dict(zip(("cart", "hoist"), _units(tracking).values(), strict=True))
     for axis, system, found in _asked(tracking, controller):
         most = 0.5 * float(system.inputs[0].high - system.inputs[0].low)
         reach = most * float(np.clip(1.2 * np.abs(found[:, 0]).max() / most, 0.02, 1.0))
-        scale = float(getattr(controller.law, f"{axis}_scale"))
+        scale, unit = float(getattr(controller.law, f"{axis}_scale")), units[axis]
         pictures += [
-            draw_rules(f"rules-{axis}", f"The {axis}'s rules over time", system, tracking.times, found),
-            draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, scale * reach, [scale]),
+            draw_rules(f"rules-{axis}", f"The {axis}'s rules over time", system, tracking.times, found, unit),
+            draw_surfaces(
+                f"surface-{axis}", f"What the {axis}'s rules say", {axis: system}, scale * reach, [scale], unit
+            ),
         ]
     return tuple(pictures)
 

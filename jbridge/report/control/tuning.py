@@ -95,8 +95,8 @@ def tuning_pictures(tuning: Tuning) -> tuple[Picture, ...]:
         _responses(tuning),
         draw_descent("descent", "The way down", tuning.history, tuning.softness),
     ]
-    for axis in ("cart", "hoist"):
-        pictures += _changed(axis, before, after)
+    for axis, drive in (("cart", "u_x"), ("hoist", "u_l")):
+        pictures += _changed(axis, before, after, tuning.units.get(drive, "V"))
     return tuple(pictures)
 
 
@@ -109,7 +109,7 @@ def _responses(tuning: Tuning) -> Picture:
     )
 
 
-def _changed(axis: str, before: AbstractController, after: AbstractController) -> list[Picture]:
+def _changed(axis: str, before: AbstractController, after: AbstractController, unit: str) -> list[Picture]:
     """Sets and surfaces of one axis (`cart`, `hoist`), as given and tuned; none if its system is not Mamdani's."""
     if not isinstance(before, FuzzyController) or not isinstance(after, FuzzyController):
         return []
@@ -119,8 +119,10 @@ def _changed(axis: str, before: AbstractController, after: AbstractController) -
     scales = float(getattr(before, f"{axis}_scale")), float(getattr(after, f"{axis}_scale"))
     pair = {"as given": old, "tuned": new}
     return [
-        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new, scales),
-        draw_surfaces(f"surface-{axis}", f"What the {axis}'s rules say", pair, _SHOWN_ERROR * max(scales), scales),
+        draw_changed_sets(f"sets-{axis}", f"Fuzzy sets of the {axis}", old, new, scales, unit),
+        draw_surfaces(
+            f"surface-{axis}", f"What the {axis}'s rules say", pair, _SHOWN_ERROR * max(scales), scales, unit
+        ),
     ]
 
 

@@ -13,8 +13,8 @@ from ....fuzzy.inference import AbstractSystem, Mamdani
 from ....fuzzy.rules import Variable, in_words
 from ..style import AFTER, BEFORE, RECORDED, Picture, picture
 
-UNITS = {"error": "1", "velocity": "m/s", "angle": "deg", "voltage": "V"}
-"""Units of the controllers' variables."""
+UNITS = {"error": "1", "velocity": "m/s", "angle": "deg"}
+"""Units of what the controllers read."""
 _COLOURS = ("#0a6ebd", "#00805c", "#8a4f9e", "#dd6a00", "#3c3c3c")
 _POINTS = 61
 
@@ -60,7 +60,12 @@ def draw_variable(
 
 
 def draw_changed_sets(
-    name: str, title: str, before: Mamdani, after: Mamdani, scales: tuple[float, float] | None = None
+    name: str,
+    title: str,
+    before: Mamdani,
+    after: Mamdani,
+    scales: tuple[float, float] | None = None,
+    command: str = "V",
 ) -> Picture:
     """The sets of two systems of the same structure, the former dashed.
 
@@ -69,15 +74,17 @@ def draw_changed_sets(
         title: stands above it.
         before, after: the systems.
         scales: what an error of 1 is in each of them [m], to draw errors in metres.
+        command: the unit of what they conclude.
     """
     pairs = list(zip((*before.inputs, *before.outputs), (*after.inputs, *after.outputs), strict=True))
+    units = UNITS | {variable.name: command for variable in after.outputs}
 
     def draw(figure: FigureBase) -> None:
         panels = np.atleast_1d(figure.subplots(len(pairs), 1))
         for number, (panel, (old, new)) in enumerate(zip(panels, pairs, strict=True)):
             in_metres = scales is not None and number == 0
             own = scales if scales is not None and in_metres else (1.0, 1.0)
-            unit = "m" if in_metres else UNITS.get(new.name, "1")
+            unit = "m" if in_metres else units.get(new.name, "1")
             limits = [scale * (_close(v) or float(v.high)) for v, scale in zip((old, new), own, strict=True)]
             limit = max(limits) if in_metres else _close(old, new)
             draw_variable(panel, old, "", limit, faint=True, scale=own[0])
@@ -120,9 +127,14 @@ def surface(
 
 
 def draw_surfaces(
-    name: str, title: str, systems: Mapping[str, AbstractSystem], reach: float, scales: Sequence[float]
+    name: str,
+    title: str,
+    systems: Mapping[str, AbstractSystem],
+    reach: float,
+    scales: Sequence[float],
+    command: str = "V",
 ) -> Picture:
-    """The voltage over the error and each further input, one row a system.
+    """The command over the error and each further input, one row a system.
 
     Args:
         name: of the picture's file.
@@ -130,6 +142,7 @@ def draw_surfaces(
         systems: by what they are called, all with the same inputs.
         reach: how far from zero the error is shown [m].
         scales: what an error of 1 is in each of them [m]; beyond it, it counts as 1.
+        command: the unit of what they conclude.
     """
     first = next(iter(systems.values()))
     others = range(1, len(first.inputs))
@@ -149,9 +162,9 @@ def draw_surfaces(
                 panel.set_xlabel(f"{x.name} [m]")
                 panel.set_ylabel(f"{y.name} [{UNITS.get(y.name, '1')}]")
                 panel.set_title(said, fontsize=10)
-                figure.colorbar(drawn, ax=panel, label="voltage [V]", ticks=[-most, 0, most])
+                figure.colorbar(drawn, ax=panel, label=f"command [{command}]", ticks=[-most, 0, most])
 
-    said = "Black line: zero volts. Other inputs in their middle."
+    said = "Black line: zero. Other inputs in their middle."
     return picture(name, title, 2.7 * len(systems), draw, said)
 
 
@@ -166,6 +179,7 @@ def draw_rules(
     system: AbstractSystem,
     times: NDArray[np.float64],
     values: NDArray[np.float64],
+    command: str = "V",
 ) -> Picture:
     """Which rules spoke when, and what they concluded together.
 
@@ -175,6 +189,7 @@ def draw_rules(
         system: whose rules.
         times: [s].
         values: of the inputs, `(time, input)`.
+        command: the unit of what they conclude.
     """
     found = jax.vmap(system.infer)(jnp.asarray(values))
     strength, output = np.asarray(found.strength), np.asarray(found.output)[:, 0]
@@ -186,7 +201,7 @@ def draw_rules(
         above.step(times, output, where="post", color=AFTER)
         if silent.any():
             above.fill_between(times, *above.get_ylim(), where=silent.tolist(), color=BEFORE, alpha=0.2, step="post")
-        above.set_ylabel("voltage [V]")
+        above.set_ylabel(f"command [{command}]")
         drawn = below.pcolormesh(
             times, np.arange(len(words)), strength.T, cmap="Blues", vmin=0, vmax=1, shading="nearest", rasterized=True
         )
