@@ -72,7 +72,9 @@ def on_workers(
                     waiting.add(submit(call))
                     break
         except distributed.CancelledError:
-            raise InputError("the scheduler is gone; call again, which computes what is missing") from None
+            raise InputError(
+                "the connection to the scheduler was lost; run the command again to compute the rest"
+            ) from None
 
 
 def _client(

@@ -171,10 +171,10 @@ def _behind_sensors(plant: Plant, time: float, reading: np.ndarray) -> np.ndarra
 def _runs_away(model: Model, recording: Recording, y: np.ndarray, row: int) -> str:
     whose, after = model.source or "the model", f"{recording.times[row] - recording.times[0]:.3g} s after the start"
     if (y[: row + 1, 2] < _WOUND_IN).any():
-        fate, remedy = "has wound in all of its rope", "correct hoist_gain, or what holds the winch"
+        fate, remedy = "has no rope left", "correct hoist_gain, or what holds the winch"
     else:
         fate, remedy = "runs away", "see whether a mass is too small, or a stiffness or damping too large, in SI units"
-    return f"{whose}: played the inputs of {recording.name}, it {fate} {after}; {remedy}"
+    return f"{whose}: with the inputs of {recording.name} it {fate} {after}; {remedy}"
 
 
 def _parts(model: Model, recording: Recording) -> dict[str, bool]:

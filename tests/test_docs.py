@@ -155,7 +155,7 @@ def test_check_prints_what_the_page_shows(tmp_path, monkeypatch, capsys):
     (line,) = re.findall(r"declare (x = \{.*?\})", shown)
     (tmp_path / "monday-1.toml").write_text(f"[columns]\n{line}\n", encoding="utf-8")
     assert main(["check", "monday-1.csv"]) == 0
-    assert "NOTHING IS PLAINLY WRONG" in capsys.readouterr().out
+    assert "NO PROBLEM FOUND" in capsys.readouterr().out
 
 
 def test_the_model_and_the_sidecar_of_the_page_are_read(tmp_path):
@@ -176,7 +176,7 @@ def test_the_model_and_the_sidecar_of_the_page_are_read(tmp_path):
 @pytest.mark.slow
 def test_the_demo_prints_what_the_readme_shows(tmp_path, monkeypatch, capsys):
     blocks = FENCED.findall((ROOT / "README.md").read_text(encoding="utf-8"))
-    (shown,) = [body for kind, body in blocks if body.startswith("PHYSICS IS MISSING")]
+    (shown,) = [body for kind, body in blocks if body.startswith("MISSING PHYSICS IS IDENTIFIED")]
     monkeypatch.chdir(tmp_path)
     assert main(["demo", "--out", "out/demo"]) == 0
     printed = capsys.readouterr().out.splitlines()

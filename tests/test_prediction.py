@@ -192,7 +192,7 @@ def test_a_gap_is_simulated_through():
 
 @pytest.mark.parametrize(
     ("changes", "volts_l", "fate"),
-    [({"cart_gain": 1e5}, 0.0, "it runs away"), ({}, -4.0, "it has wound in all of its rope")],
+    [({"cart_gain": 1e5}, 0.0, "it runs away"), ({}, -4.0, "it has no rope left")],
 )
 def test_a_simulation_from_an_estimated_state_may_be_lost(changes, volts_l, fate):
     columns = {"u_x": volts(TIMES), "x": 0.3 + 0.01 * TIMES}
@@ -224,13 +224,13 @@ def test_a_steel_wire_is_nearly_rigid(files):
 
 def test_a_run_that_no_step_resolves_is_refused(files):
     joint = '[[effect]]\nkind = "double_pendulum"\nsite = "swing"\nhook_mass = 0.001\nlink = 0.006\ndamping = 10.0\n'
-    with pytest.raises(InputError, match=r"model\.toml: played the inputs of .*run\.csv, it runs away"):
+    with pytest.raises(InputError, match=r"model\.toml: with the inputs of .*run\.csv it runs away"):
         simulate(*hanging(files, joint))
 
 
 def test_a_winch_that_winds_in_all_of_its_rope_is_named(files):
     columns = {"t": TIMES, "u_x": volts(TIMES), "u_l": np.full(len(TIMES), -4.0)}
-    with pytest.raises(InputError, match=r"it has wound in all of its rope .*correct hoist_gain"):
+    with pytest.raises(InputError, match=r"it has no rope left .*correct hoist_gain"):
         simulate(*files(BRIDGE, columns, "[initial]\nx = 0.3\nl = 0.3\npsi = 0.05\n"))
 
 

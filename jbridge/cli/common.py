@@ -13,7 +13,7 @@ from jbridge import InputError
 
 RECORDING = "a recording: CSV or MATLAB .mat with columns t, u_x, x and what else the rig has (u_l, psi, l)"
 MODEL = "the model: a TOML file with [bridge] and any [[effect]]"
-FORCE = "take columns that are plainly in another unit, of another sign or called otherwise as they are"
+FORCE = "accept columns with an implausible unit, sign or name"
 OUT = "folder for the results; files in it are replaced one by one"
 
 
@@ -113,7 +113,7 @@ def add_recordings(command: Parser, *, least: int = 1) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="recordings kept apart as proof; every file up to the next option",
+        help="hold-out recordings, which take no part in the fit; every file up to the next option",
     )
     command.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
@@ -123,7 +123,9 @@ def add_workers(command: Parser) -> None:
         "--workers", type=_count, default=_workers(), metavar="N",
         help="processes on this machine, replaced if they die; 0 computes in this one (default: %(default)s)",
     )  # fmt: skip
-    command.add_argument("--scheduler", metavar="ADDRESS", help="of dask.distributed, whose workers see DIR, too")
+    command.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of a dask.distributed scheduler; its workers need access to DIR"
+    )
 
 
 def _workers() -> int:

@@ -30,8 +30,10 @@ def add(commands: Commands) -> None:
     export.add_argument("source", metavar="MODEL.toml|CONTROLLER.toml", help="what is exported")
     targets = ("c", "fmu", "mujoco", "statespace", "matlab")
     export.add_argument("--to", choices=targets, required=True, help="the language")
-    export.add_argument("--rope", type=float, default=0.5, metavar="METRES", help="at a model's working point (0.5)")
-    export.add_argument("--period", type=float, metavar="SECONDS", help="of a model in C, FMU (0.01)")
+    export.add_argument(
+        "--rope", type=float, default=0.5, metavar="METRES", help="rope length at the working point (0.5)"
+    )
+    export.add_argument("--period", type=float, metavar="SECONDS", help="sampling period of a model in C or FMU (0.01)")
     export.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
 

@@ -33,10 +33,12 @@ def add(commands: Commands) -> None:
     tune.add_argument("model", metavar="MODEL.toml", type=model_path, help=MODEL)
     tune.add_argument("--controller", metavar="CONTROLLER.toml", help="the controller to start from")
     rules = ("extended", "paper", "pid", "lqr", "lqg")
-    tune.add_argument("--rules", choices=rules, default=rules[0], help="otherwise (%(default)s)")
+    tune.add_argument("--rules", choices=rules, default=rules[0], help="control law without --controller (%(default)s)")
     tune.add_argument("--plants", type=int, default=64, metavar="N", help="bridges to learn from (%(default)s)")
     tune.add_argument("--steps", type=int, default=200, metavar="N", help="gradient steps (%(default)s)")
-    tune.add_argument("--starts", type=int, default=3, metavar="N", help="starts; the best one goes on (%(default)s)")
+    tune.add_argument(
+        "--starts", type=int, default=3, metavar="N", help="starting points; only the best is continued (%(default)s)"
+    )
     tune.add_argument("--seed", type=int, default=0, metavar="N", help="of bridges, moves and starts (%(default)s)")
     tune.add_argument("--rail", type=float, nargs=2, metavar=("LOW", "HIGH"), help="where carts move to [m] (0 1.2)")
     tune.add_argument("--rope", type=float, nargs=2, metavar=("LOW", "HIGH"), help="rope lengths [m] (0.185 0.7)")
@@ -48,7 +50,9 @@ def add(commands: Commands) -> None:
         help="largest commands, in the inputs' unit (3 10 V)",
     )
     tune.add_argument("--shaping", choices=("zv", "zvd"), help="shape the reference for a rope in the middle of --rope")
-    tune.add_argument("--delay", type=float, default=0.0, metavar="MS", help="drives answer up to so late [ms] (0)")
+    tune.add_argument(
+        "--delay", type=float, default=0.0, metavar="MS", help="largest additional delay of the drives [ms] (0)"
+    )
     tune.add_argument("--out", metavar="DIR", required=True, help=OUT)
 
 

@@ -65,7 +65,7 @@ class Likeness:
     by: Mapping[str, float]
     """By each variable alone: `x`, `v_x`, `u_x`, `psi`, `t` and so on; `x, direction` is `x` in either direction."""
     odd: float | None
-    """Share of what is foreseen that turns round with the velocity; None where too little is foreseen."""
+    """Share of what is foreseen that reverses with the velocity; None where too little is foreseen."""
     energy: float
     """Work that it does over that of its size: -1 takes energy out only, +1 puts energy in only."""
     period: float | None
@@ -166,9 +166,9 @@ class NotSeen:
     or the place of a stop: the value from which on it would have been seen); None where these recordings give none."""
     unit: str
     change: float | None
-    """By how much the hold-out's simulation would be off if the rig had the effect at its limit and the model, fitted
-    to the training recordings, had not: root mean square over the noise, of the channel that it changes most. None
-    where there is no limit."""
+    """By how much a simulation of the training recordings would be off if the rig had the effect at its limit and the
+    model, fitted to them, had not: root mean square over the noise, of the channel that it changes most. None where
+    there is no limit."""
     notable: bool
     """Whether what may be hidden is more than noise."""
     statement: str

@@ -175,7 +175,7 @@ def verdict_sentence(
     explain = "explains" if len(sure) == 1 else "explain"
     if verdict == "missing_physics":
         lead = "A known number is wrong" if all(e.kind == WRONG_VALUE for e in sure) else "The model lacks physics"
-        rest = f"What remains, {left}, and has no name."
+        rest = f"What remains, {left}, and is unexplained."
         if complete:
             rest = f"What remains is {'scatter between repeated runs' if remains.over_scatter else 'noise'}."
         if not proven:
@@ -192,7 +192,8 @@ def verdict_sentence(
                 f"{are} confirmed, since most windows of the hold-out are met worse without {without}, but {told}: the "
                 "windows with the largest errors, which make up most of the sum of squares, are met no better"
             )
-        return f"More is missing than has a name. What was found, {listed(sure)}, {told}; what remains, {left}.{late}"
+        some = f"What was found, {listed(sure)}, {told}; what remains, {left}.{late}"
+        return f"Not everything that is missing is identified. {some}"
     found = [e for e in effects if e.recording is None]
     if found and max(learned.values(), default=0.0) > CRITERIA.named:
         explain, them = ("explains", "it") if len(found) == 1 else ("explain", "them")

@@ -41,8 +41,8 @@ def idle_parts(system: AbstractSystem) -> Idle:
     for idle, better in rules:
         text = in_words(system.rules[idle], system.inputs, system.outputs)
         sentences.append(
-            f"Rule {idle + 1} ({text}) can never change the output: rule {better + 1} asks for less, concludes the "
-            "same, and so fires at least as strongly."
+            f"Rule {idle + 1} ({text}) can never change the output: rule {better + 1} has fewer conditions "
+            "and the same conclusion, so that it fires at least as strongly."
         )
     sentences += _inert_inputs(system, [idle for idle, _ in rules])
     sentences += _grouped(parameters)

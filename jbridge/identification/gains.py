@@ -48,7 +48,7 @@ def doubtful_gains(model: Model, recordings: Sequence[Recording]) -> Iterator[tu
             if ratio is not None:
                 doubt = (
                     f"{recording.name}, column {name}: the rig moves {ratio:.2g} times as much per"
-                    f" {recording.units[name]} as the model's {parameter} of {gain:.4g} lets it;"
+                    f" {recording.units[name]} as the model's {parameter} of {gain:.4g} predicts;"
                     f" {gain_remedy(recording, name, ratio)}, or correct {parameter}"
                 )
                 yield doubt, known

@@ -27,7 +27,7 @@ class Trace:
 
     recording: str
     role: str
-    """`train`, `holdout`, or `aside` for a recording that was set aside."""
+    """`train` or `holdout`."""
     times: NDArray[np.float64]
     """From the recording's start [s]."""
     inputs: Mapping[str, NDArray[np.float64]]

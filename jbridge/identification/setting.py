@@ -105,7 +105,7 @@ class Setting:
 def prepared(
     model: Model, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> tuple[Model, Setting, tuple[str, ...]]:
-    """Model and recordings that go together, with sentences on what was taken for known or is doubtful.
+    """Model and recordings that go together, with sentences on what is taken as known or is doubtful.
 
     Args:
         model: as given.
@@ -131,7 +131,7 @@ def with_overrides(model: Model, recordings: Sequence[Recording]) -> tuple[Model
     }
     bridge = dataclasses.replace(model.plant.bridge, **{name: jnp.asarray(value) for name, value in alike.items()})
     told = [
-        f"All recordings set {n} = {v:.6g}: it was taken for known." for n, v in alike.items() if n not in model.known
+        f"All recordings set {n} = {v:.6g}: it is taken as known." for n, v in alike.items() if n not in model.known
     ]
     plant = Plant(bridge, model.plant.effects)
     return dataclasses.replace(model, plant=plant, known=model.known | set(alike)), tuple(told)
@@ -258,7 +258,7 @@ def _check_holdout(model: Model, recordings: Sequence[Recording], holdout: Seque
         for recording in recordings:
             if _same_samples(proof, recording):
                 raise InputError(
-                    f"{proof.name}: the same samples as {recording.name}; a proof needs a recording of its own"
+                    f"{proof.name}: the same samples as {recording.name}; the hold-out needs another recording"
                 )
 
 
@@ -278,7 +278,7 @@ def with_a_scale(model: Model, axes: Sequence[str]) -> tuple[Model, tuple[str, .
     mass = next((name for name, axis in PART_OF.items() if name.endswith("_mass") and axis in axes), None)
     if mass is None or forces & model.known:
         return model, ()
-    told = f"Of what moves no force or mass is known, so {mass} was taken for known: all forces go with it."
+    told = f"No mass or force of the moving parts is known, so {mass} is taken as known; all forces scale with it."
     return dataclasses.replace(model, known=model.known | {mass}), (told,)
 
 

@@ -152,9 +152,9 @@ def warnings(
         elif vector[place] <= low[place] or vector[place] >= high[place]:
             out.append(f"The {name} ended at its bound of {value}.")
         elif uncertain[i] and _untold(float(wide[i]), float(vector[place])):
-            out.append(f"The recordings say nothing of the {name}: it stays at {value}.")
+            out.append(f"The recordings contain no information on the {name}, which stays at {value}.")
         elif uncertain[i] and not any(i in members for members in together):
-            out.append(f"The recordings hardly determine the {name}: {value} give or take {_NORMAL * wide[i]:.2g}.")
+            out.append(f"The recordings hardly determine the {name}: {value} ± {_NORMAL * wide[i]:.2g}.")
     for group, members in loose.items():
         count = len(table.positions(group))
         out.append(
@@ -167,11 +167,12 @@ def warnings(
         if scale and any(entries[i].name.endswith("_mass") for i in members):
             out.append(
                 f"The recordings hardly determine a factor that {listed} have in common: no force of known size acts "
-                "on them that would be felt. Their ratios are sound; list a mass that was weighed under known."
+                "on them that shows in the recordings. Only their ratios are reliable; list a mass that was weighed "
+                "under known."
             )
         else:
             out.append(
-                f"The recordings hardly tell {listed} apart: only combinations of them are determined."
+                f"The recordings hardly separate {listed}: only combinations of them are determined."
                 f"{_parted_by([entries[i] for i in members])}"
             )
     return out
@@ -198,7 +199,7 @@ def _parted_by(entries: Sequence[Entry]) -> str:
         words = set(entry.group.replace("@", ".").split(".")) | {entry.key, entry.key.rpartition("_")[2]}
         found += [shown for keys, shown in _SHOWN_BY if words & set(keys)][:1]
     told = list(dict.fromkeys(found))
-    return f" {_listed(told).capitalize()} would part them." if told else ""
+    return f" {_listed(told).capitalize()} would separate them." if told else ""
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -44,7 +44,7 @@ def describe_check(inspections: Sequence[Inspection], found: Identifiability | N
         # A line that mends something is to be copied, so that it is not broken.
         lines = [f"{len(problems)} PROBLEM{'S' if len(problems) > 1 else ''}", *(f"- {text}" for text in problems)]
     else:
-        lines = ["NOTHING IS PLAINLY WRONG WITH THE RECORDINGS"]
+        lines = ["NO PROBLEM FOUND IN THE RECORDINGS"]
     for each in inspections:
         if each.recording is not None:
             lines += ["", *_recording(each, each.recording)]

@@ -188,7 +188,7 @@ def advance(
         q_next, v_next = _add(carry.q, at.dq), _add(carry.v, at.dv)
         z_next = carry.z
         if spring is not None and carry.z is not None:
-            # There and back where the drive turns round: what is lost of a loop, turn by turn, would be a creep.
+            # There and back where the drive reverses: what is lost of a loop, turn by turn, would be a creep.
             was, becomes, way = carry.v.at_drives().x, v_next.at_drives().x, at.dq.at_drives().x
             turns = was * becomes < 0
             there = jnp.where(turns, 0.5 * h * was * was / jnp.where(turns, was - becomes, 1.0), way)

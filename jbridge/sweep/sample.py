@@ -73,7 +73,7 @@ class Design:
         for number in range(len(self.axes)):
             key = np.random.Generator(np.random.Philox(key=self.seed, counter=[0, 0, 0, number]))
             if self.kind == "latin":
-                # Every point has its stratum, and a place in it that hangs on nothing but the seed.
+                # Every point has its stratum, and a place in it that depends on nothing but the seed.
                 strata = key.permutation(self.count)[start:stop]
                 inside = np.random.Generator(np.random.Philox(key=self.seed, counter=[0, 0, 1, number]))
                 columns.append((strata + _skip(inside, start, stop)) / self.count)

@@ -79,7 +79,7 @@ def test_diagnose_saves_and_says(rig, calls, capsys):
     assert calls["diagnose"][1:] == (["a.csv", "b.csv"], ["c.csv", "d.csv"])
     assert json.loads((rig / "deep" / "out" / "report.json").read_text())["verdict"] == "missing_physics"
     out, err = capsys.readouterr()
-    assert out.startswith("PHYSICS IS MISSING")
+    assert out.startswith("MISSING PHYSICS IS IDENTIFIED")
     assert "deep/out/report.html" in out
     assert err == ""  # no terminal, no progress
 
@@ -188,7 +188,7 @@ def test_check_says_what_was_read(rig, capsys):
     (rig / "t.toml").write_text("[columns]\nu_x = {sign = -1, late = -1}\n")
     assert main(["check", "t.csv", "a.csv"]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith("NOTHING IS PLAINLY WRONG") and err == ""
+    assert out.startswith("NO PROBLEM FOUND") and err == ""
     for needle in (
         "1000 rows",
         "every 20 ms",
@@ -228,7 +228,7 @@ def test_a_problem_that_files_share_is_said_once(rig, capsys):
         (rig / "recordings.toml").write_text('["*.csv".columns]\n' + "\n".join(written) + "\n")
         status = main(["check", "a.csv", "b.csv", "c.csv"])
         out = capsys.readouterr().out
-    assert status == 0 and "NOTHING IS PLAINLY WRONG" in out
+    assert status == 0 and "NO PROBLEM FOUND" in out
 
 
 def test_what_force_cannot_take_is_said(rig, capsys):

@@ -91,7 +91,7 @@ def test_forces_without_a_scale_go_with_a_mass():
     model = cart_model(DRY, DEAD, cart_damping=50.0, cart_gain=15.0)
     free = type(model)(model.plant, frozenset({"gravity"}), model.given, {}, "")
     found = fit(free, recordings)
-    assert any("cart_mass was taken for known" in note for note in found.notes)
+    assert any("cart_mass is taken as known" in note for note in found.notes)
     gain = found.estimates["cart_gain"]
     assert gain.std < 0.02 * gain.value
 

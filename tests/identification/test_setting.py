@@ -64,14 +64,16 @@ def test_a_hold_out_with_a_part_of_which_no_recording_tells_is_refused():
 
 
 def test_a_copy_of_a_recording_proves_nothing():
-    with pytest.raises(InputError, match="again.csv: the same samples as run.csv; a proof needs a recording"):
+    with pytest.raises(
+        InputError, match="again.csv: the same samples as run.csv; the hold-out needs another recording"
+    ):
         make_setting(MODEL, [recorded("run.csv")], [recorded("again.csv")])
 
 
 def test_a_mass_is_held_where_nothing_tells_how_large_forces_are():
     axes = ("x", "psi", "l")
     model, (told,) = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), axes)
-    assert model.known == {"gravity", "cart_mass"} and "cart_mass was taken for known" in told
+    assert model.known == {"gravity", "cart_mass"} and "cart_mass is taken as known" in told
     pendulum, _ = with_a_scale(dataclasses.replace(MODEL, known=frozenset({"gravity"})), ("psi",))
     assert pendulum.known == {"gravity", "load_mass"}
     # What is known of a part that no recording has tells nothing.
@@ -110,7 +112,7 @@ def test_what_all_recordings_set_alike_is_known():
     ]
     model, _, told = prepared(dataclasses.replace(MODEL, known=KNOWN - {"load_mass"}), heavy)
     assert float(model.plant.bridge.load_mass) == 0.25 and model.known == KNOWN
-    assert told == ("All recordings set load_mass = 0.25: it was taken for known.",)
+    assert told == ("All recordings set load_mass = 0.25: it is taken as known.",)
     other = dataclasses.replace(heavy[1], override={"load_mass": 0.3})
     assert prepared(MODEL, [heavy[0], other])[0].plant.bridge.load_mass == MODEL.plant.bridge.load_mass
 

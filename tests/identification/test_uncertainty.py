@@ -84,13 +84,16 @@ def test_what_is_not_determined_is_said():
     assert said.startswith("The recordings hardly determine the level of the Coulomb friction at the cart: 3 N")
     blind = np.diag([1e-4, 1e-4, 1e200])
     (said,) = warnings(TABLE, VECTOR, free, blind, TABLE.bounds())
-    assert said == "The recordings say nothing of the level of the Coulomb friction at the cart: it stays at 3 N."
+    assert (
+        said
+        == "The recordings contain no information on the level of the Coulomb friction at the cart, which stays at 3 N."
+    )
     told = estimates(TABLE, VECTOR, free, blind, 0.01)["coulomb_friction@cart.level"]
     assert (told.value, told.std, told.low, told.high) == (3.0, None, None, None)
     tied = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1e-4]])
     (said,) = warnings(TABLE, VECTOR, free, tied, TABLE.bounds())
-    assert said.startswith("The recordings hardly tell cart gain and cart damping apart: ")
-    assert said.endswith("Inputs of several sizes and steady runs at several speeds would part them.")
+    assert said.startswith("The recordings hardly separate cart gain and cart damping: ")
+    assert said.endswith("Inputs of several sizes and steady runs at several speeds would separate them.")
     assert warnings(TABLE, VECTOR, free, 1e-3 * tied, TABLE.bounds()) == []
     free = places("cart_mass", "cart_damping", "cart_gain", "swing_damping")
     scale = np.append(VECTOR[free[:3]], 0.0) * 10.0  # ten times as wide as they are large
@@ -112,8 +115,8 @@ def test_numbers_that_are_tied_are_said_with_what_would_part_them():
     heavy, light = places("cart_mass", "cart_damping", "cart_gain"), places("cart_damping", "cart_gain")
     for free, width, begin in (
         (heavy, 10.0, "The recordings hardly determine a factor that cart mass, cart damping and cart gain have in"),
-        (heavy, 0.1, "The recordings hardly tell cart mass, cart damping and cart gain apart"),
-        (light, 10.0, "The recordings hardly tell cart damping and cart gain apart"),
+        (heavy, 0.1, "The recordings hardly separate cart mass, cart damping and cart gain"),
+        (light, 10.0, "The recordings hardly separate cart damping and cart gain"),
     ):
         std = width * VECTOR[free]
         (said,) = warnings(TABLE, VECTOR, free, np.outer(std, std), TABLE.bounds())

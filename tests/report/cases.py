@@ -175,7 +175,7 @@ LIKENESS = Likeness(
     -0.3,
     None,
     0.01,
-    "The missing force turns round with the direction of motion, as friction does.",
+    "The missing force reverses with the direction of motion, as friction does.",
 )
 
 

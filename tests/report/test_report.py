@@ -371,7 +371,7 @@ def test_what_is_read_is_not_replaced(tmp_path):
 def test_terminal_tells_the_same_as_the_page(tmp_path):
     text = describe_diagnosis(cases.missing_physics(), tmp_path)
     for part in (
-        "PHYSICS IS MISSING",
+        "MISSING PHYSICS IS IDENTIFIED",
         "cart drive (cart equation), 93 % of the criterion's gain",
         "dead zone, cart drive, confirmed, probability 97 %",
         "0.301 V   (95 %: 0.280 to 0.322)",

@@ -49,11 +49,11 @@ def test_nothing_that_is_no_worse_is_warned_of():
 
 def test_more_than_twice_the_travel_or_sign_changes_is_warned_of():
     (said,) = warnings(tuning(chatter_x=np.array([[1.0, 1.0], [1.0, 6.0]])))
-    assert said == "travel of u_x went from 1.00 to 2.25 V/s on average, more than twice."
+    assert said == "travel of u_x rose from 1.00 to 2.25 V/s on average, by more than a factor of two."
     (said,) = warnings(tuning(sign_changes_l=np.full((2, 2), 40.0)))
-    assert said == "sign changes of u_l went from 1.00 to 40.0 on average, more than twice."
+    assert said == "sign changes of u_l rose from 1.00 to 40.0 on average, by more than a factor of two."
     (said,) = warnings(tuning(saturation_x=np.full((2, 2), 2.5)))
-    assert said == "time of u_x at the limit went from 100 to 250 % on average, more than twice."
+    assert said == "time of u_x at the limit rose from 100 to 250 % on average, by more than a factor of two."
     # A loop that runs away has no numbers.
     assert len(warnings(tuning(chatter_l=np.full((2, 2), np.nan)))) == 1
 

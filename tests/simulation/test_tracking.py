@@ -86,7 +86,7 @@ def test_the_rival_to_take_settles_the_most_moves():
     assert lines[2].split() == ["load", "settled,", "s", "never", "3.00", "2.00"]
     alike = moved(run, settling_time={"x": 1.0, "l": 0.0, "load": 2.08}, travel={"x": 1.5, "l": 0.0})
     assert "Take alike: " in describe_rivals({"quick": quick, "alike": alike, "calm": calm})
-    assert "take none" in describe_rivals({"never": never})
+    assert "none is recommended" in describe_rivals({"never": never})
 
 
 def test_what_is_read_has_the_noise_of_encoders():

@@ -101,8 +101,8 @@ def _purpose(
         parts.append("the load hanging still")
     listed = f"{', '.join(names[:-1])} and {names[-1]}"
     words = play.words
-    text = f"{words[0].upper()}{words[1:]}, from rest with {', '.join(parts)}: tells {listed} apart."
+    text = f"{words[0].upper()}{words[1:]}, from rest with {', '.join(parts)}. This separates {listed}."
     if hardly:
-        text += " It hardly decides, but no other input tried within the recordings' limits does better."
+        text += " It is unlikely to be decisive, but no other input tried within the recordings' limits does better."
         text += "".join(f" {words} would tell more." for words in separated_by)
     return text

@@ -1,6 +1,6 @@
 """A missing force along recordings, beside what it may hang on, and how much of it other recordings foresee.
 
-Whatever repeats hangs on something: on place, velocity and input, on the other axes, on the time since the start, on
+Whatever repeats depends on something: on place, velocity and input, on the other axes, on the time since the start, on
 how far or how long back the last reversal is. Flexible functions of these are fitted to the force on all recordings
 but one, and must predict that one.
 """

@@ -62,7 +62,7 @@ def regions(tracks: Sequence[Track], axis: str) -> tuple[Region, ...]:
             continue
         edges = np.linspace(low, high, _BINS + 1)
         place = np.clip(np.searchsorted(edges, values) - 1, 0, _BINS - 1)
-        # Friction turns round with the velocity; beside its place its direction counts.
+        # Friction reverses with the velocity; beside its place its direction counts.
         cell = place if name == f"v_{axis}" else 2 * place + (speed > 0)
         of_cell = np.arange(_BINS) if name == f"v_{axis}" else np.arange(2 * _BINS) // 2
         best = _stretch(of_cell, *_means(cell, len(of_cell), force, base, weight, max(8.0, 1e-3 * weight.sum())))

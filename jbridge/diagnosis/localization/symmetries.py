@@ -84,23 +84,25 @@ def _sentence(found: Likeness, rotary: bool) -> str:
     words = []
     if found.odd is not None:
         if found.odd > _CLEAR:
-            words.append("turns round with the direction of motion, as friction does")
+            words.append("reverses with the direction of motion, as friction does")
         elif found.odd < 1 - _CLEAR:
             words.append("is the same in both directions of motion, as a spring's or a slope's is")
         else:
-            words.append("is different in the two directions of motion, but does not just turn round")
+            words.append("is different in the two directions of motion, but does not simply reverse")
     if abs(found.energy) > _CLEAR and found.foreseen > _TOLD:
         words.append("takes energy out" if found.energy < 0 else "puts energy in")
     if found.period is not None:
         size = f"{np.degrees(found.period):.3g} degrees" if rotary else f"{1e3 * found.period:.3g} mm"
         words.append(f"repeats every {size}")
     if found.memory > _MEMORY:
-        words.append("remembers: at the same place and velocity it depends on how long or how far back a reversal is")
+        words.append(
+            "shows hysteresis: at the same place and velocity it depends on the time or distance since a reversal"
+        )
     best = most_telling(found.by)
     if found.by[best] > _TOLD:
         name = best.removesuffix(EITHER_WAY)
         told = quantity_name(name) + (" and the direction of motion" if name != best else "")
-        words.append(f"hangs on the {told} most ({100 * found.by[best]:.0f} % of it is foreseen by that alone)")
+        words.append(f"depends most on the {told}, which alone predicts {100 * found.by[best]:.0f} % of it")
     if not words:
         return ""
     listed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])}, and {words[-1]}"
@@ -112,7 +114,7 @@ def _share(tracks: Sequence[Track], table: Table) -> float:
 
 
 def _odd(tracks: Sequence[Track], on: Features, most: float) -> float | None:
-    """Share that turns round with the velocity, of what foresees most; None where that is not nearly everything."""
+    """Share that reverses with the velocity, of what foresees most; None where that is not nearly everything."""
     # Velocity's hats are symmetrical about nothing, so their mirror image is the force at the opposite velocity.
     mirrored = [c[:, ::-1] for c in on.velocity]
     ways = [

@@ -39,7 +39,7 @@ def split_off(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], t
         return (
             tuple(learned),
             tuple(proof),
-            f"No hold-out was given: {names} took no part in the choice and serves as one.",
+            f"No hold-out was given: {names} is not used for estimation and serves as one.",
         )
     only = recordings[0]
     cut = int(0.75 * len(only.times))

@@ -34,7 +34,7 @@ class Evaluation:
     @functools.cached_property
     def undetermined(self) -> NDArray[np.float64]:
         """Mean variance of a window's prediction, by window and channel, over the noise's: what the half second before
-        it leaves open of its initial state, carried on. A wide swing's period hangs on its amplitude, so a small part
+        it leaves open of its initial state, carried on. A wide swing's period depends on its amplitude, so a small part
         of the noise grows over a long recording, whatever the model."""
         return self.left_open()
 

@@ -18,7 +18,7 @@ from jbridge.recordings.tables.columns import BASE_UNITS, GAINS, UNITS
 LAWS = ("force", "speed")
 """What a drive may impose: a force, so that the acceleration follows the input, or a speed."""
 KNOWN, GUESSED, FAR = 8.0, 30.0, 300.0
-"""Ratio from which on a rig moves more per unit of an input than a known gain lets it, from which on a guess is far
+"""Ratio from which on a rig moves more per unit of an input than a known gain predicts, from which on a guess is far
 off, and from which on, in either direction, units are the likelier reason: what a limit, a dead zone or dry friction
 keeps back of a motion is up to 50 times what they let pass."""
 

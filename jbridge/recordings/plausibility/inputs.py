@@ -1,4 +1,4 @@
-"""Inputs that were not logged, or of which the log keeps an old value: an axis moves without them, or not with them."""
+"""Inputs that were not logged, or whose logged value is outdated: an axis moves without them, or not with them."""
 
 from collections.abc import Iterator, Mapping
 
@@ -21,7 +21,7 @@ WAY = 0.02
 HANGS = 0.5
 """Cosine of the angle around which a load swings that hangs, wherever the zero of its sensor is."""
 HELD = 1.0
-"""Time for which an input holds and its axis rests [s] from which on it may be an old value."""
+"""Time for which an input holds and its axis rests [s] from which on it may be outdated."""
 
 
 def shared_columns(channels: Channels) -> Iterator[InputError]:
@@ -126,7 +126,7 @@ def stale_notes(channels: Channels, samples: Mapping[str, Samples], resolution: 
             unit = channels.units[name]
             notes.append(
                 f"{name} holds {u[first]:.4g} {unit} from {begin:.6g} to {end:.6g} s while {axis} rests, though less"
-                " moves it elsewhere: an old value, unless something stands against a stop;"
+                " moves it elsewhere: the logged value is outdated, unless the axis stands against a stop;"
                 f" {' or '.join(trim)} under {channels.place('', 'trim')} leaves it out."
             )
     return notes

@@ -31,7 +31,7 @@ ROWS = 5
 BEFORE = 3
 """Rows that show how fast it came."""
 LONGER = 3.0
-"""Multiple of the time that a motion stays within a count where it turns round."""
+"""Multiple of the time that a motion stays within a count where it reverses."""
 COUNTS = 4.0
 """Way in these rows, over the sensor's count or what its noise takes for one, from which on it moved at all."""
 FAR = 0.05
@@ -157,7 +157,7 @@ def dead_stops(times: np.ndarray, values: np.ndarray, resolution: float, limit: 
     count = max(resolution, float(np.median(np.abs(np.diff(values, 2)))) if values.size > 2 else 0.0)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
     ends = np.append(starts[1:], values.size) - 1
-    # What turns round at the limit stays within a count for a while, too.
+    # What reverses at the limit stays within a count for a while, too.
     turning = np.sqrt(8 * count / limit)
     still = (ends - starts >= ROWS - 1) & (times[ends] - times[starts] > LONGER * turning)
     first = starts[still & (starts >= BEFORE)]

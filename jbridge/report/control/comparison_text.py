@@ -60,7 +60,7 @@ def _settled(run: Tracking) -> tuple[int, float]:
 def _advice(runs: Mapping[str, Tracking]) -> str:
     count = max(_settled(run)[0] for run in runs.values())
     if not count:
-        return "None of them settles a move: take none."
+        return "No controller settles any move; none is recommended."
     times = {name: mean for name, (number, mean) in ((n, _settled(run)) for n, run in runs.items()) if number == count}
     quick = [name for name, mean in times.items() if mean <= _TIE * min(times.values())]
     best = min(quick, key=lambda name: _travel(runs[name]))

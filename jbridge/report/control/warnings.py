@@ -59,7 +59,7 @@ def tuning_warnings(tuning: Tuning) -> list[str]:
             name, _, factor = SHOWN[key]
             unit = "" if shown_unit(key, tuning.units) == "1" else f" {shown_unit(key, tuning.units)}"
             sizes = f"from {digits(factor * old)} to {digits(factor * new)}{unit}"
-            found.append(f"{name} went {sizes} on average, more than twice.")
+            found.append(f"{name} rose {sizes} on average, by more than a factor of two.")
     never = int(np.isnan(after["settling_load"]).sum())
     if never:
         given = int(np.isnan(before["settling_load"]).sum())

@@ -27,8 +27,8 @@ def when_sentences(diagnosis: Diagnosis) -> list[str]:
     training = {trace.recording for trace in diagnosis.traces if trace.role == "train"}
     if len(intervals) > 1 and set(intervals) == training and len({tuple(spans) for spans in intervals.values()}) == 1:
         spans = next(iter(intervals.values()))
-        return [f"In each of {len(intervals)} recordings it stands out at {', '.join(spans)}."]
-    return [f"In {recording} it stands out at {', '.join(spans)}." for recording, spans in intervals.items()]
+        return [f"In each of {len(intervals)} recordings it is largest at {', '.join(spans)}."]
+    return [f"In {recording} it is largest at {', '.join(spans)}." for recording, spans in intervals.items()]
 
 
 def _number(value: float, scale: Scale) -> str:

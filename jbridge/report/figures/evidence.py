@@ -10,7 +10,7 @@ from .style import MARK, NOISE, Picture, picture
 
 
 def draw_evidence(name: str, sites: Mapping[str, float], chosen: str | None) -> Picture | None:
-    """Probability of each site as bars, the largest on top; None where no site was weighed."""
+    """Each site's share of the criterion's decrease as bars, the largest on top; None where no site was weighed."""
     ranked = sorted(sites.items(), key=lambda entry: -entry[1])
     if not ranked:
         return None
@@ -26,7 +26,7 @@ def draw_evidence(name: str, sites: Mapping[str, float], chosen: str | None) -> 
         panel.tick_params(axis="y", length=0)
         panel.grid(False, axis="y")
         panel.set_xlim(0, 108)
-        panel.set_xlabel("share of the evidence [%]")
+        panel.set_xlabel("share of the criterion's decrease [%]")
 
     return picture(
         name, "Where a missing force or signal would explain the recordings best", 0.8 + 0.34 * len(ranked), draw

@@ -1,4 +1,4 @@
-"""The force that the model as given lacks: along a recording, and against what it hangs on."""
+"""The force that the model as given lacks: along a recording, and against what it depends on."""
 
 from collections.abc import Mapping, Sequence
 

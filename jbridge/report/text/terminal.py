@@ -202,7 +202,7 @@ def _unseen(diagnosis: Diagnosis) -> list[str]:
         return []
     named = [name + size for name, size in limits.items()]
     more = f"; and {len(named) - _MOST_UNSEEN} more, see the report" if len(named) > _MOST_UNSEEN else ""
-    return ["", *_wrapped("Unseen", f"may be there all the same: {'; '.join(named[:_MOST_UNSEEN])}{more}.")]
+    return ["", *_wrapped("Unseen", f"not excluded by these recordings: {'; '.join(named[:_MOST_UNSEEN])}{more}.")]
 
 
 def _with_ratio(error: str, ratio: str) -> str:

@@ -13,8 +13,8 @@ CHANNELS = {axis: f"{quantity_name(axis)} {axis}" for axis in AXES}
 EQUATIONS = {name: f"{name} equation" for name in AXIS_OF_EQUATION}
 VERDICTS = {
     "adequate": "The model is adequate",
-    "missing_physics": "Physics is missing, and has a name",
-    "unknown": "Something is missing that has no name yet",
+    "missing_physics": "Missing physics is identified",
+    "unknown": "Physics is missing and not identified",
 }
 
 
