@@ -207,7 +207,7 @@ def contenders(search: Search, effects: Sequence[NamedEffect]) -> list[Contender
         problem, point = search.problem, structure.point
         [normal] = problem.normal(structure.space.engine, [point])
         n = len(point.free)
-        gram = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
+        gram = problem.likelihood.weighted(point.square, normal.products)[:n, :n]
         names = tuple(structure.space.table.entry(int(p)).name for p in point.free)
         out.append(Contender(*name, max(chances[name], 1e-3), structure.plant, names, gram))
     return out

@@ -26,6 +26,7 @@ laws of motion; where the rig rests and the model does not, it lacks what holds 
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -151,6 +152,20 @@ class Likelihood:
         """
         scale = self.scale(square)
         return self.by_window(square + apart, scale) - self.by_window(square, scale)
+
+    @property
+    def price(self) -> float:
+        """What one number more must gain [nat]: half the logarithm of how much there is to tell it from."""
+        return 0.5 * math.log(max(self.total, 2.0))
+
+    def weighted(self, square: NDArray[np.float64], products: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum over windows and channels of products of slopes and residuals, each with its weight.
+
+        Args:
+            square: by window and channel, which the weights are for.
+            products: `(window, channel, n, n)`.
+        """
+        return np.einsum("wc,wcij->ij", self.weights(square), products)
 
     def weights(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weight of each sample's squared error over the noise's variance, by window and channel.

@@ -123,12 +123,7 @@ def balance(plant: Plant, recording: Recording) -> Balance:
     return Balance(t, q, v, out, u)
 
 
-def as_played(
-    grid: Grid,
-    predicted: NDArray[np.float64],
-    noise: Mapping[str, float] | None = None,
-    seed: int = 0,
-) -> Recording:
+def as_played(grid: Grid, predicted: NDArray[np.float64]) -> Recording:
     """A recording as a model would have made it.
 
     Smoothing blurs reversals, and what blur takes for a force is many times what is looked for. A model's own motion
@@ -137,17 +132,13 @@ def as_played(
     Args:
         grid: the measured run.
         predicted: the model's readings there: `(sample, 3)` [m, rad, m].
-        noise: standard deviation by channel; none adds nothing.
-        seed: of the noise.
     """
-    rng = np.random.default_rng(seed)
     recording = grid.recording
     times = recording.times - recording.times[0]
     changed = {}
     for k, axis in enumerate(AXES):
         if getattr(recording, axis) is not None:
-            clean = np.interp(times, grid.times, predicted[: grid.intervals + 1, k])
-            changed[axis] = clean + (noise or {}).get(axis, 0.0) * rng.standard_normal(len(times))
+            changed[axis] = np.interp(times, grid.times, predicted[: grid.intervals + 1, k])
     return dataclasses.replace(recording, **changed)
 
 

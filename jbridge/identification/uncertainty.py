@@ -35,7 +35,7 @@ def covariance(problem: Problem, engine: Engine, point: Point) -> NDArray[np.flo
     """
     [normal] = problem.normal(engine, [point])
     n = len(point.free)
-    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(point.square), normal.products)[:n, :n]
+    total = problem.likelihood.weighted(point.square, normal.products)[:n, :n]
     precision, _ = problem.likelihood.prior.terms(engine.table, point.free, point.vector, np.diag(total))
     return inverse_normal(total + precision)
 

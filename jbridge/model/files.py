@@ -23,7 +23,7 @@ from .effects.base import AbstractEffect, unit_at
 from .effects.catalogue import KINDS, make_effect
 from .effects.fields import ParameterInfo, options_of, parameters_of
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash
-from .parameters import ParameterTable, bridge_keys
+from .parameters import ParameterTable, bridge_keys, without_site
 from .plant import Plant
 
 _SECTIONS = ("bridge", "effect", "uncertainty", "recorded")
@@ -248,23 +248,17 @@ def _known_names(where: Where, known: Any, table: ParameterTable) -> set[str]:
             found = {table.entry(position).group for position in table.positions(name)}
         except KeyError:
             said = f"known names {quoted(name, 80)}, which is"
-            same = [group for group in groups if "@" in group and _short(group) == name]
+            same = [group for group in groups if "@" in group and without_site(group) == name]
             if same:
                 where.refuse(f"{said} {listed(same)}; name one of them, or each")
             # The kind may have been left out, or the site.
             whole = [group for group in groups if group.endswith(f".{name}")]
             likely = whole[0] if whole else name
-            short = [] if "@" in likely else [_short(group) for group in groups if "@" in group]
+            short = [] if "@" in likely else [without_site(group) for group in groups if "@" in group]
             hint = nearest(likely, [*groups, *short])
             where.refuse(f"{said} no parameter of this model; {hint}")
         names |= {name} if name.endswith("]") else found
     return names
-
-
-def _short(group: str) -> str:
-    """`kind@site.key` without its site."""
-    kind, rest = group.split("@", 1)
-    return f"{kind}.{rest.split('.', 1)[1]}"
 
 
 def _read_uncertainty(file: Where, table: Any) -> Mapping[str, Mapping[str, Any]]:

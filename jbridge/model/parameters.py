@@ -130,7 +130,7 @@ class ParameterTable:
         """
         if name in self._positions:
             return self._positions[name]
-        found = {group for group in self._positions if "@" in group and _without_site(group) == name}
+        found = {group for group in self._positions if "@" in group and without_site(group) == name}
         if len(found) == 1:
             return self._positions[found.pop()]
         raise KeyError(name)
@@ -217,7 +217,8 @@ class Part(NamedTuple):
     """Where its numbers stand in the other one's vector."""
 
 
-def _without_site(group: str) -> str:
+def without_site(group: str) -> str:
+    """`kind@site.key` without its site."""
     kind, rest = group.split("@", 1)
     return f"{kind}.{rest.split('.', 1)[1]}"
 

@@ -35,6 +35,13 @@ UNITS = {
     "highest_x": "m",
 }
 """Unit of every summary."""
+_LATE, _AT_LAST = 0.75, 0.9
+"""Share of the rest after which the swing counts as residual, and of a move without any rest."""
+
+
+def late_from(arrival: Array, end: Array) -> Array:
+    """Time from which swing is residual [s]: the last quarter of the rest, or a tenth of a move without any."""
+    return jnp.where(arrival < end, arrival + _LATE * (end - arrival), _AT_LAST * end)
 
 
 class _Numbers(NamedTuple):

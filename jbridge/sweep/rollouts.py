@@ -20,14 +20,12 @@ from ..control.compensation import limits_of
 from ..model.parameters import ParameterTable
 from ..model.steps import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
-from ..simulation.summaries import UNITS, MoveSummary, is_sound
+from ..simulation.summaries import UNITS, MoveSummary, is_sound, late_from
 from ..trajectory import along, durations
 from .spec import VARIED, Sweep
 
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
-_LATE = 0.75
-"""Share of the rest after which the swing counts as residual."""
 
 
 class Rollouts:
@@ -106,7 +104,7 @@ def _one(sweep: Sweep) -> Callable[[Float[Array, " axis"]], dict[str, Array]]:
         place, rate = along(points, speed, rest, times)
         arrival = durations(points, speed)[0]
         end = times[-1]
-        late, limits = arrival + _LATE * (end - arrival), limits_of(law).astype(dtype)
+        late, limits = late_from(arrival, end).astype(dtype), limits_of(law).astype(dtype)
         summary = MoveSummary(goal, goal - start, late, jnp.asarray(period, dtype), limits)
         initial = jnp.zeros(plant.states, dtype).at[0].set(start[0]).at[2].set(start[1])
         found = closed_loop(

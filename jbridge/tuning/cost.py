@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..control.base import AbstractController
 from ..control.compensation import LIMITS, limits_of
-from ..simulation.summaries import UNITS, MoveSummary
+from ..simulation.summaries import UNITS, MoveSummary, late_from
 from .ensemble import Course, Moves
 from .knobs import AbstractKnobs, as_arrays
-from .objectives import Goal, late_from
+from .objectives import Goal
 
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""

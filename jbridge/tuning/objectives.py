@@ -15,14 +15,10 @@ from .._math import sincos
 from .._types import Scalar
 from ..control.measures import NEAR
 from ..simulation.closed_loop import Response
+from ..simulation.summaries import late_from
 
 _EVEN = 1e-3
 """Blur of an absolute value [m]: a tenth of what counts as near."""
-_LATE = 0.75
-"""Share of the rest after which the swing counts as residual."""
-_AT_LAST = 0.9
-
-
 DRIVE = 0.05
 """Time constant of a drive [s], as those of laboratory bridges have it: what changes faster does not reach the load."""
 
@@ -44,11 +40,6 @@ class AbstractObjective(eqx.Module):
     @abc.abstractmethod
     def __call__(self, response: Response, leg: Leg) -> Scalar:
         """The number, from the samples of one move."""
-
-
-def late_from(arrival: Array, end: Array) -> Array:
-    """Time from which swing is residual [s]: the last quarter of the rest, or a tenth of a move without any."""
-    return jnp.where(arrival < end, arrival + _LATE * (end - arrival), _AT_LAST * end)
 
 
 def _errors(response: Response, leg: Leg) -> tuple[Array, Array]:

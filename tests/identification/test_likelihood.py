@@ -18,6 +18,11 @@ def data():
     return make_data([make_recording("run.csv", times, u_x=np.sin(times), x=x)], (1.0, 3.0))
 
 
+def second(data):
+    """The windows of one second alone."""
+    return data.with_tilings([tiling for tiling in data.tilings if tiling.horizon == 1.0])
+
+
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
 def test_effective_number_of_an_autoregressive_process(data, pole):
     noise = np.random.default_rng(0).standard_normal(data.samples)
@@ -48,7 +53,7 @@ def test_one_window_that_is_not_met_says_nothing_of_the_others(data):
     white = np.random.default_rng(0).standard_normal((data.samples, 3))
     hit = white.copy()
     hit[3000:3100] += 3000.0
-    (usual, _), (after, _) = (counted(data.of_horizons([1.0]), [left]) for left in (white, hit))
+    (usual, _), (after, _) = (counted(second(data), [left]) for left in (white, hit))
     assert after[0] == pytest.approx(usual[0], rel=0.2)
 
 
@@ -197,7 +202,7 @@ def test_horizons_weigh_as_their_own_samples_do_and_by_no_more_than_the_mean(dat
 
 def test_a_window_counts_its_own_samples_alone(data):
     """A simulation that runs away in one window leaves 1e15 there, beside which the next is not lost."""
-    [tiling] = data.of_horizons([1.0]).tilings
+    [tiling] = second(data).tilings
     values = np.ones((data.samples, 3))
     values[tiling.begins[3] : tiling.stops[3]] = 1e17
     sums = tiling.sums(values)

@@ -52,7 +52,7 @@ def added(
         best.setdefault(found[1].name, found)
     if problem.is_late:
         return [], []
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    unit = problem.likelihood.price
     times = problem.recordings_for_each_of(part)
 
     def of_numbers(candidate: Candidate, free: NDArray[np.int64]) -> float:

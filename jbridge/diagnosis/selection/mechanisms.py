@@ -102,7 +102,7 @@ def with_mechanisms(
         one, other = gains(climbed(best.space, [best.point.start]))
         least = (CRITERIA.worth * one, CRITERIA.worth * other)
     times = problem.recordings_for_each_of(part)
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    unit = problem.likelihood.price
     moves = []
     for axis in AXES:
         on_axis = [t for t in found if axis_of(problem.setting, t[2].name) == axis]

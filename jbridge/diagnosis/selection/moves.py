@@ -1,7 +1,6 @@
 """Changes of a model: effects are added to others, left out, or replaced by a simpler law."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -242,7 +241,7 @@ def replacements(problem: Problem, base: Structure, now: Structure, runners_up: 
 def refinements(problem: Problem, base: Structure, now: Structure, others: Sequence[Move]) -> list[Move]:
     """Each law by place with one place more between each two, from the same law, if it may compete with others."""
     out = []
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    unit = problem.likelihood.price
     for name in now.names:
         levels = _levels(now, name)
         if levels is None:

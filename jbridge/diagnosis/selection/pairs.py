@@ -5,7 +5,6 @@ before the other is there, and a search that adds one effect at a time finds nei
 """
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -55,7 +54,7 @@ def paired(
     free = list(dict.fromkeys([*given, *itertools.chain.from_iterable(places.values())]))
     [point] = part.evaluate(space.engine, [Start(vector, np.array(free, np.int64), there.states)])
     [normal] = part.normal(space.engine, [point])
-    unit = 0.5 * math.log(max(problem.likelihood.total, 2.0))
+    unit = problem.likelihood.price
     times = problem.recordings_for_each_of(part)
     column = {p: k for k, p in enumerate(free)}
     screened = []

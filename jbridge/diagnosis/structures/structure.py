@@ -75,7 +75,7 @@ def weighed(problem: Problem, structure: Structure) -> Structure:
     space, point = structure.space, structure.point
     [normal] = problem.normal(space.engine, [point])
     numbers = _numbers(problem, structure, normal)
-    price = 0.5 * numbers * math.log(max(problem.likelihood.total, 2.0)) + sum(structure.choices.values())
+    price = numbers * problem.likelihood.price + sum(structure.choices.values())
     left = tuple(each.astype(np.float32) for each in problem.residuals(space.engine, point))
     return dataclasses.replace(structure, price=price, blocks=left_out(problem, space, point, normal), left=left)
 
@@ -84,7 +84,7 @@ def _numbers(problem: Problem, structure: Structure, normal: Normal) -> float:
     """Added numbers; those of a map by its effective degrees of freedom: no place counts that is not visited."""
     free, n = structure.point.free, len(structure.point.free)
     added = [int(np.flatnonzero(free == p)[0]) for name in structure.names for p in structure.places(name)]
-    total = np.einsum("wc,wcij->ij", problem.likelihood.weights(structure.point.square), normal.products)[:n, :n]
+    total = problem.likelihood.weighted(structure.point.square, normal.products)[:n, :n]
     prior = problem.likelihood.prior
     tied, _ = prior.terms(structure.space.table, free, structure.point.vector, np.diag(total))
     levels = {int(i) for members in structure.space.table.vectors(free) for i in members}

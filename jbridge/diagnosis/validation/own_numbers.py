@@ -75,7 +75,7 @@ def own_numbers(problem: Problem, model: Fixed) -> list[Apart]:
     [normal] = problem.normal(engine, [point])
     asked, spread = _asked(problem, engine.table.bounds(), point, normal)
     alternatives = int(np.isfinite(asked).sum())
-    price = 0.5 * math.log(max(problem.likelihood.total, 2.0)) + math.log(max(alternatives, 1))
+    price = problem.likelihood.price + math.log(max(alternatives, 1))
     out = []
     for r in range(len(data.grids)):
         # What others tell less of than is asked for says neither that they agree nor that they do not.

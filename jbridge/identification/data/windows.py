@@ -109,10 +109,6 @@ class Data:
         """The same recordings cut into other windows."""
         return dataclasses.replace(self, tilings=tuple(tilings))
 
-    def of_horizons(self, horizons: Sequence[float]) -> "Data":
-        """The same with the windows of some horizons only."""
-        return self.with_tilings([t for t in self.tilings if t.horizon in horizons])
-
     @property
     def horizons(self) -> tuple[float, ...]:
         return tuple(sorted({t.horizon for t in self.tilings}))
