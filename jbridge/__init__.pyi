@@ -60,13 +60,13 @@ from .report.control.tracking import save_tracking as save_tracking
 from .report.control.tuning import describe_tuning as describe_tuning
 from .report.control.tuning import save_tuning as save_tuning
 from .report.diagnosis.former import load_former as load_former
-from .report.diagnosis.many_rigs import Finding as Finding
-from .report.diagnosis.many_rigs import diagnose_each as diagnose_each
 from .report.files import check_output as check_output
+from .report.many_rigs import Finding as Finding
+from .report.many_rigs import diagnose_each as diagnose_each
 from .report.save import save_fit as save_fit
 from .report.save import save_report as save_report
-from .report.text.terminal import describe_diagnosis as describe_diagnosis
-from .report.text.terminal import describe_fit as describe_fit
+from .report.terminal import describe_diagnosis as describe_diagnosis
+from .report.terminal import describe_fit as describe_fit
 from .simulation.closed_loop import closed_loop as closed_loop
 from .simulation.collect import AbstractSummary as AbstractSummary
 from .simulation.collect import Every as Every

@@ -12,9 +12,9 @@ from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AXIS_OF_SITE, AbstractEffect, AbstractMechanism
 from jbridge.model.effects.cable import CableDrag
 from jbridge.model.effects.catalogue import KINDS, make_effect
-from jbridge.model.effects.fields import options_of, parameters_of
 from jbridge.model.effects.motors import SpeedDrive
 from jbridge.model.equations import Stage, Step, accelerations
+from jbridge.model.fields import options_of, parameters_of
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion, Plant
 from jbridge.simulation.inputs import Lane

@@ -1,6 +1,6 @@
-"""Holds the layers: imports in `jbridge` point down the list below, never up or sideways.
+"""Holds the layers: imports in `jbridge` point down the list below, never up or sideways, and none go in a circle.
 
-Only the syntax is read, so that an import inside a function or under `TYPE_CHECKING` counts like any other.
+Only the syntax is read, so that an import inside a function or under `TYPE_CHECKING` counts like any other there.
 """
 
 import ast
@@ -8,7 +8,9 @@ import importlib
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from graphlib import CycleError, TopologicalSorter
 from importlib.metadata import packages_distributions
 from pathlib import Path, PurePath
 from types import ModuleType
@@ -50,10 +52,11 @@ class Import(NamedTuple):
         return parts[1] if parts[1] in LEVEL or len(parts) > 2 else FACE
 
 
-def imports(path: PurePath, source: str) -> Iterator[Import]:
-    """Yields what a file imports, with relative names resolved; `path` is relative to the root."""
-    package = path.parts[:-1]
-    for node in ast.walk(ast.parse(source, str(path))):
+def imports(path: PurePath, source: str, *, at_once: bool = False) -> Iterator[Import]:
+    """Yields what a file imports, or what it imports when it is loaded, with relative names resolved; `path` is
+    relative to the root."""
+    package, tree = path.parts[:-1], ast.parse(source, str(path))
+    for node in tree.body if at_once else ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (Import(node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -93,6 +96,26 @@ def upward_imports(path: PurePath, source: str) -> list[str]:
     return complaints
 
 
+def circles(files: Iterable[tuple[PurePath, str]]) -> list[str]:
+    """Returns one complaint per package whose modules and packages need each other to be loaded."""
+    needs: defaultdict[str, defaultdict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for path, source in files:
+        importer = path.with_suffix("").parts
+        for found in filter(is_ours, imports(path, source, at_once=True)):
+            target = (*found.module.split("."), found.name)
+            same = [a == b for a, b in zip(importer, target, strict=False)]
+            shared = (*same, False).index(False)
+            if shared < min(len(importer), len(target)):
+                needs[".".join(importer[:shared])][importer[shared]].add(target[shared])
+    out = []
+    for package, graph in needs.items():
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            out.append(f"{package}: {' -> '.join(error.args[1])}")
+    return out
+
+
 def private_imports(path: PurePath, source: str) -> list[str]:
     """Returns one complaint per import that reaches behind jbridge's public face."""
     ours = filter(is_ours, imports(path, source))
@@ -106,6 +129,26 @@ def sources(folder: str) -> Iterator[tuple[PurePath, str]]:
 
 def test_imports_point_down():
     assert [line for path, source in sources("jbridge") for line in upward_imports(path, source)] == []
+
+
+def test_layers_are_those_of_the_disk():
+    folder = ROOT / "jbridge"
+    packages = {path.name for path in folder.iterdir() if (path / "__init__.py").exists()}
+    assert {*packages, *(path.stem for path in folder.glob("*.py"))} - {FACE} == LEVEL.keys()
+
+
+def test_packages_have_no_circles():
+    assert circles(sources("jbridge")) == []
+
+
+def test_a_circle_is_found():
+    files = {
+        "jbridge/model/bridge.py": "from .effects.base import Seed",
+        "jbridge/model/effects/base.py": "from ..bridge import Bridge\nfrom .friction import Coulomb",
+        "jbridge/model/effects/friction.py": "def late():\n    from .base import Seed",
+    }
+    (found,) = circles((PurePath(path), source) for path, source in files.items())
+    assert found.startswith("jbridge.model: ") and "effects" in found
 
 
 def opens_holdout(path: PurePath, source: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Every number by which a diagnosis decides, in one place."""
+"""The numbers by which a diagnosis decides which effects it names and which verdict it gives."""
 
 import dataclasses
 

@@ -15,7 +15,7 @@ from ..identification.solver import Normal, Point, Start
 from ..identification.uncertainty import inverse_normal, widened
 from ..model.effects.base import unit_at
 from ..model.effects.catalogue import CATALOGUE
-from ..model.effects.fields import parameters_of
+from ..model.fields import parameters_of
 from ..model.parameters import ParameterTable
 from .criteria import CRITERIA
 from .result import NotSeen

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .._types import AXIS_OF_EQUATION, Axes
 from ..model.bridge import Bridge, inverse
 from ..model.effects.base import AbstractEffect, unit_at
-from ..model.effects.fields import options_of, parameters_of
 from ..model.effects.friction import CoulombFriction
+from ..model.fields import options_of, parameters_of
 from ..model.files import HOIST, Model
 
 _UNITS = {"x": "m", "psi": "rad", "l": "m"}

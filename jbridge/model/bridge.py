@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 from .._math import sincos
 from .._types import Axes, Scalar
-from .effects.fields import parameter
+from .fields import parameter
 
 
 class Symmetric(NamedTuple):

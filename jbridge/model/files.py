@@ -21,8 +21,8 @@ from ..recordings.tables.columns import BASE_UNITS, INPUT_UNITS
 from .bridge import Bridge
 from .effects.base import AbstractEffect, unit_at
 from .effects.catalogue import KINDS, make_effect
-from .effects.fields import ParameterInfo, options_of, parameters_of
 from .effects.flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash
+from .fields import ParameterInfo, options_of, parameters_of
 from .parameters import ParameterTable, bridge_keys, without_site
 from .plant import Plant
 

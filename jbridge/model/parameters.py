@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .bridge import Bridge
 from .effects.base import AbstractEffect, unit_at
-from .effects.fields import ParameterInfo, parameters_of
+from .fields import ParameterInfo, parameters_of
 from .plant import Plant
 
 

@@ -26,10 +26,10 @@ from .figures.gallery import diagnosis_signals, fit_signals, simulation_signals
 from .files import PathLike
 from .fit_page import fit_summary
 from .save import save_fit, save_report
+from .terminal import diagnosis_in_short, fit_in_short
 from .text.html import piece
 from .text.quantities import digits
 from .text.rows import error_rows, parts
-from .text.terminal import diagnosis_in_short, fit_in_short
 from .text.words import CHANNELS
 
 _LINES = 24

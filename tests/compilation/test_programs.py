@@ -14,7 +14,7 @@ from jbridge.compilation.programs import Program, keep_in
 from jbridge.model.bridge import Bridge
 from jbridge.model.effects.base import AbstractForce
 from jbridge.model.effects.catalogue import KINDS, make_effect
-from jbridge.model.effects.fields import parameter
+from jbridge.model.fields import parameter
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Plant
 

@@ -9,7 +9,7 @@ import pytest
 from jbridge.errors import InputError
 from jbridge.model.effects.base import AbstractMechanism
 from jbridge.model.effects.catalogue import KINDS
-from jbridge.model.effects.fields import options_of, parameters_of
+from jbridge.model.fields import options_of, parameters_of
 from jbridge.model.files import Model, load_model, requires, save_model
 from jbridge.model.parameters import ParameterTable, bridge_keys
 from tests.problems import make_plant

@@ -46,7 +46,7 @@ def test_every_folder_has_a_report_and_a_row(rigs, monkeypatch, capsys):
         given.append(([r.name for r in recordings], [r.name for r in holdout], sorted(model.given)))
         return cart_alone()
 
-    monkeypatch.setattr("jbridge.report.diagnosis.many_rigs.diagnose", canned)
+    monkeypatch.setattr("jbridge.report.many_rigs.diagnose", canned)
     (rigs / "rig-1" / "model.toml").write_text(MODEL.replace("cart_damping = 10.0\n", ""))
     (rigs / "bad").mkdir()
     (rigs / "bad" / "a.csv").write_text("t,u_x,x\n0,1\n")

@@ -12,7 +12,7 @@ from ...identification.estimation import Problem
 from ...identification.solver import Point, Start
 from ...model.effects.base import AbstractEffect
 from ...model.effects.catalogue import CATALOGUE, make_effect
-from ...model.effects.fields import parameters_of
+from ...model.fields import parameters_of
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import Candidate

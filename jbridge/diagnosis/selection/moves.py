@@ -12,7 +12,7 @@ from ...identification.solver import Point, Start
 from ...model.bridge import Bridge
 from ...model.effects.base import AbstractEffect, Contained
 from ...model.effects.catalogue import CATALOGUE, make_effect
-from ...model.effects.fields import parameters_of
+from ...model.fields import parameters_of
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from ..structures.candidates import SITE_OF_NUMBER, WRONG_VALUE, Candidate

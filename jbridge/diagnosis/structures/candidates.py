@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...identification.setting import Setting
 from ...model.effects.base import AXIS_OF_SITE, MOMENTS, SITES, Scene, Seed
 from ...model.effects.catalogue import CATALOGUE, make_effect
-from ...model.effects.fields import options_of
+from ...model.fields import options_of
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 

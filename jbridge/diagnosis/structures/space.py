@@ -18,8 +18,8 @@ from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting
 from ...model.effects.base import MOMENTS, AbstractHysteresis, AbstractMechanism
 from ...model.effects.catalogue import CATALOGUE, make_effect
-from ...model.effects.fields import parameters_of
 from ...model.effects.motors import SpeedDrive
+from ...model.fields import parameters_of
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from .candidates import Candidate, candidates

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 
 from ..._types import Axes, Scalar
 from ..bridge import Symmetric
+from ..fields import parameter
 from .base import L_SENSOR, SWING, AbstractEffect, Alike, Scene, Seed
-from .fields import parameter
 
 
 class AbstractBody(AbstractEffect):

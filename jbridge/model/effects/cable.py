@@ -7,8 +7,8 @@ import jax.numpy as jnp
 
 from ..._math import decay
 from ..._types import Scalar
+from ..fields import parameter
 from .base import CART, AbstractHysteresis, Contained, Scene, Seed
-from .fields import parameter
 
 
 class CableDrag(AbstractHysteresis):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ..fields import parameters_of
 from .base import AbstractEffect
 from .bodies import RodInertia
 from .cable import CableDrag
@@ -17,7 +18,6 @@ from .drives import (
     StartDelay,
     TorqueRipple,
 )
-from .fields import parameters_of
 from .flexible import Backlash, BeltCompliance, DoublePendulum, HoistBacklash, RopeElasticity
 from .forces import (
     ConstantForce,

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..._math import sincos
 from ..._types import Scalar
+from ..fields import parameter
 from .base import (
     AXIS_OF_SITE,
     CART_DRIVE,
@@ -18,7 +19,6 @@ from .base import (
     Seed,
     waves,
 )
-from .fields import parameter
 
 DRIVES = (CART_DRIVE, HOIST_DRIVE)
 """Sites at which a law of a drive may act."""

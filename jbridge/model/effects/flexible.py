@@ -5,8 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 
 from ..._types import Scalar
+from ..fields import option, parameter
 from .base import CART, HOIST, SWING, AbstractMechanism, Scene, Seed
-from .fields import option, parameter
 
 
 class RopeElasticity(AbstractMechanism):

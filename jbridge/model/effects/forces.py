@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..._math import sincos
 from ..._types import Axes, Scalar
+from ..fields import option, parameter
 from .base import (
     AXIS_OF_SITE,
     CART,
@@ -28,7 +29,6 @@ from .base import (
     uniform_knots,
     waves,
 )
-from .fields import option, parameter
 
 _EDGE = 0.005
 """Time over which a gust rises [s]: about one sample, so that its ends have a gradient."""

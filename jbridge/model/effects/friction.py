@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ..._math import decay
 from ..._types import Scalar
+from ..fields import parameter
 from .base import (
     AXIS_OF_SITE,
     CART,
@@ -28,7 +29,6 @@ from .base import (
     interpolate,
     uniform_knots,
 )
-from .fields import parameter
 
 
 class CoulombFriction(AbstractFriction):

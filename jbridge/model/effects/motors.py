@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..._types import Scalar
+from ..fields import parameter
 from .base import (
     AXIS_OF_SITE,
     CART,
@@ -20,7 +21,6 @@ from .base import (
     Seed,
 )
 from .drives import DRIVES, ActuatorLag, largest_input
-from .fields import parameter
 
 UNLIMITED = 1e6
 """A limit that nothing reaches [N]."""

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._types import Scalar
+from ..fields import parameter
 from .base import (
     AXIS_OF_SITE,
     CLOCK,
@@ -21,7 +22,6 @@ from .base import (
     Seed,
     waves,
 )
-from .fields import parameter
 
 _SENSORS = (X_SENSOR, PSI_SENSOR, L_SENSOR)
 _TIMES = 40

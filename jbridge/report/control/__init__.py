@@ -1,1 +1,1 @@
-"""What controllers leave: runs, tuned laws, comparisons, the figures of the paper."""
+"""Results of controllers: runs, tuned laws, comparisons."""

@@ -175,6 +175,7 @@ def _named(effect: NamedEffect, diagnosis: Diagnosis) -> dict[str, Any]:
         "status": _status(effect),
         "parameters": parameter_tables(effect.parameters, effect.kind, effect.site, diagnosis.model.known),
         "rivals": _rivals(effect, diagnosis),
+        "compared": effect.probability is not None,
     }
 
 

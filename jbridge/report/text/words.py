@@ -6,7 +6,7 @@ from ..._types import AXES, AXIS_OF_EQUATION
 from ...diagnosis.structures.candidates import WRONG_VALUE
 from ...model.bridge import Bridge
 from ...model.effects.catalogue import KINDS
-from ...model.effects.fields import ParameterInfo, parameters_of
+from ...model.fields import ParameterInfo, parameters_of
 from ...model.names import QUANTITIES, kind_name, quantity_name, site_name, spaced
 
 CHANNELS = {axis: f"{quantity_name(axis)} {axis}" for axis in AXES}

@@ -14,7 +14,7 @@ import pytest
 from jbridge._types import AXES, Axes
 from jbridge.model.effects.base import AXIS_OF_SITE, SITES, AbstractFriction, AbstractHysteresis, Scene, unit_at
 from jbridge.model.effects.catalogue import CATALOGUE, KINDS, make_effect
-from jbridge.model.effects.fields import options_of, parameters_of
+from jbridge.model.fields import options_of, parameters_of
 from jbridge.model.plant import Motion
 from jbridge.simulation.inputs import drive_inputs
 from jbridge.simulation.measurement import readings

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..._files import make_folder, read_json, replace_text
-from ..._progress import Step, silent, with_progress
-from ...cluster import on_workers
-from ...diagnosis.diagnose import diagnose
-from ...errors import InputError
-from ...identification.gains import check_model_gains
-from ...model.files import load_model
-from ...recordings import load_recordings
-from ..files import PathLike, check_output
-from ..save import save_report
+from .._files import make_folder, read_json, replace_text
+from .._progress import Step, silent, with_progress
+from ..cluster import on_workers
+from ..diagnosis.diagnose import diagnose
+from ..errors import InputError
+from ..identification.gains import check_model_gains
+from ..model.files import load_model
+from ..recordings import load_recordings
+from .files import PathLike, check_output
+from .save import save_report
 
 _RECORDINGS = (".csv", ".mat")
 _OWN_MODEL = "model.toml"

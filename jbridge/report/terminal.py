@@ -4,17 +4,17 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ...diagnosis.result import Diagnosis, NamedEffect
-from ...identification.result import Estimate, Fit, Trace
-from ...model.names import site_name
-from ..as_json import INPUT_FILE
-from ..diagnosis.next_steps import limit_text
-from ..diagnosis.places import when_sentences, where_sentences
-from ..files import PathLike
-from .quantities import UNKNOWN, join_unit, percent, shown
-from .rows import error_rows, is_changed, is_met, parameter_rows, parts, was_sought
-from .tables import WIDTH, Table
-from .words import CHANNELS, EQUATIONS, capital, effect_name, heading
+from ..diagnosis.result import Diagnosis, NamedEffect
+from ..identification.result import Estimate, Fit, Trace
+from ..model.names import site_name
+from .as_json import INPUT_FILE
+from .diagnosis.next_steps import limit_text
+from .diagnosis.places import when_sentences, where_sentences
+from .files import PathLike
+from .text.quantities import UNKNOWN, join_unit, percent, shown
+from .text.rows import error_rows, is_changed, is_met, parameter_rows, parts, was_sought
+from .text.tables import WIDTH, Table
+from .text.words import CHANNELS, EQUATIONS, capital, effect_name, heading
 
 _INDENT, _ERRORS = 12, 28
 """Letters of the margin, and of the first column in tables of errors."""
