@@ -18,7 +18,7 @@ from .identification.evaluation.judge import free_run
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .model.plant import Motion, Plant
-from .model.steps import substeps
+from .model.step_size import substeps
 from .recordings import Recording, as_recordings
 from .simulation.inputs import Lane
 from .simulation.measurement import read, readings

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jbridge
-from jbridge.simulation.collect import Every
+from jbridge.simulation.outputs import Every
 from tests.problems import lively_inputs, make_plant
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import jbridge
 from jbridge import InputError
 from jbridge._toml import as_key, as_value
-from jbridge.control.paper import paper_controller
+from jbridge.control.paper_rules import paper_controller
 from jbridge.fuzzy.files.fis_reader import load_fis
 from jbridge.fuzzy.files.fis_writer import save_fis
 

@@ -25,7 +25,7 @@ from ..model.files import Model
 from ..model.names import QUANTITIES
 from ..model.plant import Plant
 from ..recordings import Recording, as_recordings, covered_by, required
-from .comparison_with_former import continued
+from .continuation import continued
 from .criteria import CRITERIA
 from .detection_limits import not_seen
 from .equivalents import Naming, contenders, estimated, named_effect, parameters_of

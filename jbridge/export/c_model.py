@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from .._types import Axes
 from ..errors import InputError
 from ..model.files import Model, present
-from ..model.steps import substeps
+from ..model.step_size import substeps
 from ..simulation.closed_loop import Sampled, SampledPlant, periods_remembered
-from .atoms import Atoms, literal
 from .header import SelfTest, header
+from .symbolic_arrays import Atoms, literal
 from .translate import Translator
 
 SAMPLES = 32

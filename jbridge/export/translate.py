@@ -16,8 +16,8 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from ..errors import InputError
-from .atoms import Atoms, c_type, elements, literal, numbers_in, taken
 from .expressions import ELEMENTWISE, FOLDS, expression
+from .symbolic_arrays import Atoms, c_type, elements, literal, numbers_in, taken
 
 _NAME = re.compile(r"\bv\d+\b")
 _MOVES = {

@@ -17,8 +17,8 @@ from jaxtyping import Array, Float
 from .._math import materialise
 from .._types import Scalar
 from .defuzzify import AbstractDefuzzifier, Centroid
-from .grid import Column, area_and_moment, nothing
 from .membership import AbstractMembership, Unit
+from .merged_grid import Column, area_and_moment, nothing
 from .norms import AbstractNorm, Softness
 from .rules import universe
 

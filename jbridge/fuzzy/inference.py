@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 from .._math import on_processor
 from .aggregation import AbstractConclusions, Columned, Gridded, Swept, Weighed, concluded
 from .defuzzify import AbstractDefuzzifier, Centroid
-from .grid import columns, evaluate, known
+from .merged_grid import columns, evaluate, known
 from .norms import AbstractNorm, Maximum, Minimum, ProbabilisticSum, Product, Softness, Sum
 from .rules import Clause, Labelled, Rule, Variable
 

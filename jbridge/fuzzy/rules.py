@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from .._math import on_processor
 from .._types import Scalar
-from .grid import known
 from .membership import AbstractMembership, Gathered, as_number
+from .merged_grid import known
 from .norms import AbstractNorm, Softness, between
 
 

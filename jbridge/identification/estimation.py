@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..model.effects.drives import AbstractDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import allows_order_4, stiff_axes, substeps
+from ..model.step_size import allows_order_4, stiff_axes, substeps
 from .data.windows import Data, course
 from .likelihood import Index, Likelihood, index, likelihood
 from .prior import Prior

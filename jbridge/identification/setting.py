@@ -15,7 +15,7 @@ from ..model.effects.base import AXIS_OF_SITE, L_SENSOR, MOMENTS, SWING
 from ..model.files import Model, requires
 from ..model.parameters import Entry, ParameterTable
 from ..model.plant import Plant
-from ..model.steps import RIGID
+from ..model.step_size import RIGID
 from ..recordings import Recording, check_units, constant_inputs
 from .data.noise import noise_floor
 from .data.thinning import thinned

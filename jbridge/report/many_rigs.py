@@ -12,7 +12,7 @@ from typing import Any
 
 from .._files import make_folder, read_json, replace_text
 from .._progress import Step, silent, with_progress
-from ..cluster import on_workers
+from ..dask_workers import on_workers
 from ..diagnosis.diagnose import diagnose
 from ..errors import InputError
 from ..identification.gains import check_model_gains

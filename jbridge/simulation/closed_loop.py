@@ -15,9 +15,9 @@ from ..control.base import AbstractController, Reference
 from ..model.effects.drives import AbstractDelay
 from ..model.effects.sensors import SensorDelay
 from ..model.plant import Motion, Plant
-from .collect import AbstractCollector, Everything
 from .inputs import Lane
 from .measurement import read
+from .outputs import AbstractCollector, Everything
 from .rollout import timetable
 from .runge_kutta import RK4, Method, advance
 from .state import Motions, start

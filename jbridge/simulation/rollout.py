@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 
 from .._types import Axes, Scalar
 from ..model.plant import Motion, Plant
-from .collect import AbstractCollector, Everything
 from .inputs import Lane, drive_inputs, in_true_time, step_edges, supply
+from .outputs import AbstractCollector, Everything
 from .runge_kutta import RK4, Interval, Method, advance, intervals
 from .state import Motions, start
 

@@ -14,12 +14,12 @@ from .._types import Axes
 from ..control.base import Reference
 from ..control.compensation import LIMITS, limits_of
 from ..control.files import Controller
-from ..control.measures import Move, moves
+from ..control.move_metrics import Move, moves
 from ..errors import InputError
 from ..model.effects.base import CART_DRIVE, HOIST_DRIVE
 from ..model.effects.drives import DeadZone
 from ..model.files import Model, requires
-from ..model.steps import substeps
+from ..model.step_size import substeps
 from ..trajectory import Path
 from .closed_loop import closed_loop, periods_remembered
 from .noise import NOISE, Noisy, drawn

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..control.base import AbstractController, Reference
 from ..control.compensation import limits_of
 from ..model.parameters import ParameterTable
-from ..model.steps import substeps
+from ..model.step_size import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
-from ..simulation.summaries import UNITS, MoveSummary, is_sound, late_from
+from ..simulation.move_summary import UNITS, MoveSummary, is_sound, late_from
 from ..trajectory import along, durations
 from .spec import VARIED, Sweep
 

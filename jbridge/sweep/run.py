@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from .._display import Displayed
 from .._files import create_text, read_json, replace_text, replacing
 from .._progress import Step, silent, with_progress
-from ..cluster import on_workers
+from ..dask_workers import on_workers
 from ..errors import InputError
 from ..model.parameters import ParameterTable
-from ..simulation.summaries import UNITS
+from ..simulation.move_summary import UNITS
 from .rollouts import Rollouts
 from .spec import Sweep
 

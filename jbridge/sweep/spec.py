@@ -15,7 +15,7 @@ import numpy as np
 from .._toml import Where, nearest, read_toml, shown, word
 from ..control.base import AbstractController
 from ..control.files import Controller, load_controller
-from ..control.paper import paper_controller
+from ..control.paper_rules import paper_controller
 from ..control.reference_files import PAPER_POINTS, REST, SPEED
 from ..errors import quoted
 from ..model.files import Model, load_model, requires

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..control.base import AbstractController
 from ..control.compensation import LIMITS, limits_of
-from ..simulation.summaries import UNITS, MoveSummary, late_from
+from ..simulation.move_summary import UNITS, MoveSummary, late_from
 from .ensemble import Course, Moves
-from .knobs import AbstractKnobs, as_arrays
 from .objectives import Goal
+from .tunable_parameters import AbstractKnobs, as_arrays
 
 _ABREAST = 64
 """Rollouts that run abreast on one core: few enough that their states stay in its cache, measured."""
@@ -129,7 +129,7 @@ class Measure:
         self._program = jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
 
     def __call__(self, law: AbstractController) -> Mapping[str, NDArray[np.float64]]:
-        """Numbers of every bridge and move, by name: `(bridge, move)`, units as in `summaries.UNITS`.
+        """Numbers of every bridge and move, by name: `(bridge, move)`, units as in `move_summary.UNITS`.
 
         Times of settling are nan where the position does not settle.
         """

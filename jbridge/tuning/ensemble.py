@@ -17,10 +17,10 @@ from ..model.effects.base import AbstractFriction
 from ..model.effects.drives import ActuatorLag, DeadZone, InputDelay
 from ..model.parameters import ParameterTable
 from ..model.plant import Plant
-from ..model.steps import substeps
+from ..model.step_size import substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
-from ..simulation.collect import AbstractCollector, Everything
 from ..simulation.noise import NOISE, Noisy, drawn
+from ..simulation.outputs import AbstractCollector, Everything
 from ..trajectory import Path, along, durations
 from .objectives import Leg
 

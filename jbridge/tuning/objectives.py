@@ -1,7 +1,7 @@
 """What a move is judged by, as functions with gradients: error, settling, swing, overshoot, chatter, reversals.
 
 Where a measure counts (time outside a band, say), the count is blurred over a fraction of the band, so that it has a
-slope; what is reported about a tuned controller is measured anew by `summaries`.
+slope; what is reported about a tuned controller is measured anew by `move_summary`.
 """
 
 import abc
@@ -13,9 +13,9 @@ from jaxtyping import Array
 
 from .._math import sincos
 from .._types import Scalar
-from ..control.measures import NEAR
+from ..control.move_metrics import NEAR
 from ..simulation.closed_loop import Response
-from ..simulation.summaries import late_from
+from ..simulation.move_summary import late_from
 
 _EVEN = 1e-3
 """Blur of an absolute value [m]: a tenth of what counts as near."""

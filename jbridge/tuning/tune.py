@@ -21,8 +21,8 @@ from ..simulation.tracking import check_limits, moving
 from ..trajectory import Path
 from .cost import Cost, Measure
 from .ensemble import PAPER_REGION, Course, Legs, Region, Scatter, late, mixed_legs, random_legs, scattered
-from .knobs import AbstractKnobs, knobs_of
 from .objectives import Goal, usual_goal
+from .tunable_parameters import AbstractKnobs, knobs_of
 
 SOFT, HARD = 0.3, 0.03
 """Softness at the beginning and at the end."""
@@ -61,7 +61,7 @@ class Tuning(Displayed):
     costs: Mapping[str, tuple[float, float]]
     """Cost with the textbook's inference, before and after: `train` and `held_out`."""
     measures: Mapping[str, tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]]
-    """The same by name, `(bridge, move)`, before and after, units as in `summaries.UNITS`."""
+    """The same by name, `(bridge, move)`, before and after, units as in `move_summary.UNITS`."""
     responses: tuple[Mapping[str, NDArray[np.float64]], Mapping[str, NDArray[np.float64]]]
     """First move of the model itself, before and after: `t` [s], `x`, `psi`, `l` [m, rad, m], `u_x`, `u_l` [V], and the
     reference's `x_ref`, `l_ref` [m]."""

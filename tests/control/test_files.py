@@ -6,9 +6,9 @@ import pytest
 
 from jbridge import InputError
 from jbridge.control.compensation import Compensation
-from jbridge.control.extended import extended_controller
+from jbridge.control.extended_rules import extended_controller
 from jbridge.control.files import Controller, load_controller, save_controller
-from jbridge.control.paper import cart_system, hoist_system, paper_controller
+from jbridge.control.paper_rules import cart_system, hoist_system, paper_controller
 from jbridge.control.reference_files import load_reference, paper_path
 from jbridge.fuzzy.files.fis_writer import save_fis
 

@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from jbridge import Axes, Path, Reference
 from jbridge.control.compensation import Compensation
-from jbridge.control.extended import extended_controller
+from jbridge.control.extended_rules import extended_controller
 from jbridge.control.fuzzy import FuzzyController
 from jbridge.control.linear import Pid, StateFeedback
-from jbridge.control.paper import hoist_system, paper_controller
+from jbridge.control.paper_rules import hoist_system, paper_controller
 from jbridge.control.shaping import shaped
 from jbridge.fuzzy.check import outdone_rules
 from jbridge.trajectory import smooth_path

@@ -14,7 +14,7 @@ from jbridge.control.compensation import Compensation
 from jbridge.control.files import Controller, load_controller, save_controller
 from jbridge.control.fuzzy import FuzzyController
 from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
-from jbridge.control.paper import cart_system, paper_controller
+from jbridge.control.paper_rules import cart_system, paper_controller
 from jbridge.control.shaping import Shaping
 from jbridge.fuzzy.files.fis_writer import save_fis
 from jbridge.fuzzy.rules import as_number

@@ -5,7 +5,7 @@ import pytest
 
 from jbridge.diagnosis.structures.candidates import WRONG_VALUE, Candidate, candidates
 from jbridge.diagnosis.structures.space import is_apart, largest_shown
-from jbridge.identification.scene import scene_of
+from jbridge.identification.operating_range import scene_of
 from jbridge.identification.setting import Setting
 from jbridge.model.effects.base import AXIS_OF_SITE
 from jbridge.model.effects.catalogue import CATALOGUE, make_effect

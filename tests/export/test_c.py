@@ -13,10 +13,10 @@ import pytest
 
 from jbridge import InputError
 from jbridge.control.compensation import Compensation
-from jbridge.control.extended import extended_controller
+from jbridge.control.extended_rules import extended_controller
 from jbridge.control.files import Controller
 from jbridge.control.linear import ObserverFeedback, Pid, StateFeedback
-from jbridge.control.paper import paper_controller
+from jbridge.control.paper_rules import paper_controller
 from jbridge.control.shaping import Shaping
 from jbridge.export.c import TOLERANCES, controller_header, samples
 from jbridge.export.c_fuzzy import HELPERS, system_source

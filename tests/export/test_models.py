@@ -13,7 +13,7 @@ import pytest
 
 from jbridge.cli import main
 from jbridge.control.files import Controller, save_controller
-from jbridge.control.paper import paper_controller
+from jbridge.control.paper_rules import paper_controller
 from jbridge.export.c import controller_header
 from jbridge.export.models import matlab_function, mujoco_xml, state_space, state_space_module
 from jbridge.model.files import Model
@@ -21,7 +21,7 @@ from jbridge.model.parameters import ParameterTable
 from jbridge.simulation.measurement import readings
 from jbridge.simulation.rollout import rollout
 from jbridge.simulation.runge_kutta import RK4
-from jbridge.tuning.lqr import linear_model
+from jbridge.tuning.linear_designs import linear_model
 from tests.problems import NUMBERS, make_lane, make_plant, make_state, model_text, null_effect
 
 PERIOD = 0.01

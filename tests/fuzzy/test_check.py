@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import pytest
 
-from jbridge.control.paper import cart_system, hoist_system
+from jbridge.control.paper_rules import cart_system, hoist_system
 from jbridge.fuzzy.check import idle_parts, outdone_rules
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.norms import Sum

@@ -11,9 +11,9 @@ from jax.test_util import check_grads
 
 from jbridge.fuzzy.defuzzify import DEFUZZIFIERS, Bisector, Centroid, MeanOfMaximum
 from jbridge.fuzzy.files.fis_reader import load_fis
-from jbridge.fuzzy.grid import columns
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.membership import Bell, Gaussian, Trapezoidal, Triangular, as_number, membership
+from jbridge.fuzzy.merged_grid import columns
 from jbridge.fuzzy.norms import Maximum, Minimum, ProbabilisticSum, Product, Sum
 from jbridge.fuzzy.rules import Clause, Rule, Variable, in_words, rule
 from jbridge.fuzzy.sugeno import Conclusions, Linear, Sugeno

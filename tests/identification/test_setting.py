@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jbridge.errors import InputError
-from jbridge.identification.scene import scene_of
+from jbridge.identification.operating_range import scene_of
 from jbridge.identification.setting import make_setting, prepared, setting_of, with_a_scale
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from experiments.real_rigs import run
-from jbridge.recordings.plausibility.drive import is_input, runs_backwards, unfelt_rows
+from jbridge.recordings.plausibility.drive_equation import is_input, runs_backwards, unfelt_rows
 from jbridge.recordings.plausibility.inputs import gains_energy
-from jbridge.recordings.plausibility.motion import misread_swing
 from jbridge.recordings.plausibility.signs import is_swapped
+from jbridge.recordings.plausibility.swing_equation import misread_swing
 
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("JBRIDGE_RECORDINGS", ROOT.parent / "shared"))

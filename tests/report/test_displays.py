@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import jbridge
-from jbridge.control.measures import Move
+from jbridge.control.move_metrics import Move
 from jbridge.identification.identifiability import Identifiability
 from jbridge.identification.result import Estimate
 from jbridge.prediction import Simulation

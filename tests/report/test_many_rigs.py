@@ -98,7 +98,7 @@ def test_refusals(rigs, monkeypatch, capsys, words, complaint):
 def test_workers_diagnose_folders(rigs):
     pytest.importorskip("distributed")
     found = jbridge.diagnose_each(
-        rigs / "model.toml", [rigs / "rig-0", rigs / "rig-1"], rigs / "out", budget=60.0, workers=2
+        rigs / "model.toml", [rigs / "rig-0", rigs / "rig-1"], rigs / "out", budget=300.0, workers=2
     )
     assert [each.verdict for each in found] == ["missing_physics"] * 2
     assert all("constant_force at cart" in each.effects for each in found)

@@ -12,7 +12,7 @@ from jbridge.model.files import Model
 from jbridge.report.control.tracking import describe_tracking
 from jbridge.report.control.warnings import tracking_warnings
 from jbridge.report.control.warnings import tuning_warnings as warnings
-from jbridge.simulation.summaries import UNITS
+from jbridge.simulation.move_summary import UNITS
 from jbridge.simulation.tracking import track
 from jbridge.trajectory import smooth_path
 from jbridge.tuning.compensation import compensation_for

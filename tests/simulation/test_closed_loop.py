@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from jbridge._types import Axes
 from jbridge.control.base import AbstractController, Reference
 from jbridge.simulation.closed_loop import closed_loop, periods_remembered
-from jbridge.simulation.collect import AbstractSummary, Every
+from jbridge.simulation.outputs import AbstractSummary, Every
 from jbridge.simulation.runge_kutta import RK4
 from tests.problems import (
     EVERY_AXIS,

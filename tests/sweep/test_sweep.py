@@ -10,7 +10,7 @@ import pytest
 
 import jbridge
 from jbridge import InputError
-from jbridge.simulation.summaries import UNITS
+from jbridge.simulation.move_summary import UNITS
 from jbridge.sweep.rollouts import Rollouts
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
@@ -275,7 +275,7 @@ def test_a_failed_start_claims_nothing(spec, tmp_path, monkeypatch):
 
 def test_a_scheduler_that_is_not_there_is_told(spec, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("jbridge.cluster._PATIENCE", 0.5)
+    monkeypatch.setattr("jbridge.dask_workers._PATIENCE", 0.5)
     with pytest.raises(InputError, match="no scheduler at tcp://127.0.0.1:1 .*; start `dask scheduler`, and workers"):
         run_sweep(load_sweep(spec), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
 

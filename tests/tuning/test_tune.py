@@ -11,11 +11,11 @@ from scipy.linalg import expm
 from jbridge import Axes, InputError
 from jbridge.control.base import AbstractController, Reference
 from jbridge.control.compensation import Compensation
-from jbridge.control.extended import extended_controller
+from jbridge.control.extended_rules import extended_controller
 from jbridge.control.files import Controller
 from jbridge.control.linear import Pid
-from jbridge.control.measures import moves
-from jbridge.control.paper import paper_controller
+from jbridge.control.move_metrics import moves
+from jbridge.control.paper_rules import paper_controller
 from jbridge.model.files import Model
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.plant import Motion
@@ -25,8 +25,7 @@ from jbridge.trajectory import smooth_path
 from jbridge.tuning.compensation import compensation_for, drive_limits
 from jbridge.tuning.cost import Cost, measure
 from jbridge.tuning.ensemble import Course, Legs, Region, Scatter, late, mixed_legs, paper_legs, random_legs, scattered
-from jbridge.tuning.knobs import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
-from jbridge.tuning.lqr import linear_model, lqg_controller, lqr_controller, pid_for
+from jbridge.tuning.linear_designs import linear_model, lqg_controller, lqr_controller, pid_for
 from jbridge.tuning.objectives import (
     AbstractObjective,
     Chatter,
@@ -40,6 +39,7 @@ from jbridge.tuning.objectives import (
     Travel,
     usual_goal,
 )
+from jbridge.tuning.tunable_parameters import AbstractKnobs, FuzzyKnobs, Knob, knobs_of
 from jbridge.tuning.tune import common_slope, descend, tune
 from tests.problems import NUMBERS, make_plant
 

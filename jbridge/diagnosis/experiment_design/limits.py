@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._types import AXES, Axes
-from ...identification.scene import scene_of
+from ...identification.operating_range import scene_of
 from ...identification.setting import Setting
 from ...model.effects.base import AbstractHysteresis
 from ...model.effects.drives import DeadZone

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...identification.estimation import Problem, engine_for
-from ...identification.scene import scene_of
+from ...identification.operating_range import scene_of
 from ...identification.sensitivity.engine import Engine
 from ...identification.setting import Setting
 from ...model.effects.base import MOMENTS, AbstractHysteresis, AbstractMechanism

@@ -25,8 +25,8 @@ from ..criteria import CRITERIA
 from ..structures.space import Name
 from ..structures.structure import Structure, prediction_gap
 from .confirmation import Checked, check_effect, explained_by_channel, one_second
+from .deviating_recordings import Apart, own_numbers
 from .holdout import HoldOut
-from .own_numbers import Apart, own_numbers
 from .refits import Fixed, of_its_own, recording_of, refitted
 
 

@@ -10,7 +10,7 @@ from math import isclose
 import numpy as np
 
 from jbridge.errors import InputError
-from jbridge.recordings.plausibility.drive import FOLLOWS, axis_cells, responses
+from jbridge.recordings.plausibility.drive_equation import FOLLOWS, axis_cells, responses
 from jbridge.recordings.plausibility.refusals import FORCE
 from jbridge.recordings.recording import INPUTS, Recording
 from jbridge.recordings.tables.columns import BASE_UNITS, GAINS, UNITS

@@ -8,9 +8,9 @@ from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.parts import MOST_MOTION
-from jbridge.recordings.plausibility.drive import CELL
-from jbridge.recordings.plausibility.motion import Cells, Samples, in_cells, rope
+from jbridge.recordings.plausibility.drive_equation import CELL
 from jbridge.recordings.plausibility.refusals import FORCE
+from jbridge.recordings.plausibility.swing_equation import Cells, Samples, in_cells, rope
 
 AXES = {"u_x": "x", "u_l": "l"}
 """The axis that each input drives."""

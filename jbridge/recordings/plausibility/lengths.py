@@ -8,9 +8,9 @@ import numpy as np
 from jbridge.errors import InputError
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import LONGEST
-from jbridge.recordings.plausibility.drive import HOLDS
-from jbridge.recordings.plausibility.motion import Samples, certainly_better, swing_cells, swing_terms
+from jbridge.recordings.plausibility.drive_equation import HOLDS
 from jbridge.recordings.plausibility.refusals import FORCE
+from jbridge.recordings.plausibility.swing_equation import Samples, certainly_better, swing_cells, swing_terms
 
 SHORTEST = 0.05
 """Length of a rope [m] below which no laboratory has one."""

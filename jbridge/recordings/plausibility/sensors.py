@@ -9,7 +9,9 @@ from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
 from jbridge.recordings.hold import Hold
 from jbridge.recordings.plausibility.lengths import FINER, locked_line, swung_share
-from jbridge.recordings.plausibility.motion import (
+from jbridge.recordings.plausibility.refusals import FORCE, times_more
+from jbridge.recordings.plausibility.signs import scale_remedy
+from jbridge.recordings.plausibility.swing_equation import (
     CERTAIN,
     STRETCH,
     WORSE,
@@ -23,8 +25,6 @@ from jbridge.recordings.plausibility.motion import (
     swing_cells,
     swing_terms,
 )
-from jbridge.recordings.plausibility.refusals import FORCE, times_more
-from jbridge.recordings.plausibility.signs import scale_remedy
 
 ROWS = 5
 """Rows of one value from which on a sensor stands still."""

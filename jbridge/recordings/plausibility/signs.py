@@ -10,8 +10,9 @@ import numpy as np
 from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import GRAVITY
-from jbridge.recordings.plausibility.drive import HOLDS, is_input, runs_backwards, unfelt_rows
-from jbridge.recordings.plausibility.motion import (
+from jbridge.recordings.plausibility.drive_equation import HOLDS, is_input, runs_backwards, unfelt_rows
+from jbridge.recordings.plausibility.refusals import FORCE, refusal
+from jbridge.recordings.plausibility.swing_equation import (
     Cells,
     Samples,
     certainly_better,
@@ -23,7 +24,6 @@ from jbridge.recordings.plausibility.motion import (
     swing_cells,
     swing_terms,
 )
-from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.recording import MEASURED, Recording
 from jbridge.recordings.tables.columns import UNITS
 

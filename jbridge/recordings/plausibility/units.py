@@ -10,9 +10,10 @@ import numpy as np
 from jbridge.errors import InputError, cut
 from jbridge.recordings.channels import Channels
 from jbridge.recordings.checks import FASTEST, LONGEST, SLOWEST, TOO_FAST, as_of_log, excess_of_angle
-from jbridge.recordings.plausibility.drive import CELL
+from jbridge.recordings.plausibility.drive_equation import CELL
 from jbridge.recordings.plausibility.lengths import swung_share
-from jbridge.recordings.plausibility.motion import (
+from jbridge.recordings.plausibility.refusals import FORCE, refusal
+from jbridge.recordings.plausibility.swing_equation import (
     WORSE,
     SwingTerms,
     best_scale,
@@ -21,7 +22,6 @@ from jbridge.recordings.plausibility.motion import (
     swing_cells,
     swing_terms,
 )
-from jbridge.recordings.plausibility.refusals import FORCE, refusal
 from jbridge.recordings.tables.columns import UNITS, labelled_columns
 
 SMALLEST = 1e-3

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jbridge.recordings.checks import GRAVITY
-from jbridge.recordings.plausibility.motion import Cells, rope, swing_cells
 from jbridge.recordings.plausibility.sensors import HANGS
+from jbridge.recordings.plausibility.swing_equation import Cells, rope, swing_cells
 from jbridge.recordings.recording import Recording
 from jbridge.recordings.tables.columns import Column
 

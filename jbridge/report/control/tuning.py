@@ -13,7 +13,7 @@ from ...control.files import has_file, save_controller
 from ...control.fuzzy import FuzzyController
 from ...export.c import controller_header
 from ...fuzzy.inference import Mamdani
-from ...simulation.summaries import UNITS
+from ...simulation.move_summary import UNITS
 from ...tuning.tune import Tuning
 from ..figures.control.fuzzy import draw_changed_sets, draw_descent, draw_ensemble, draw_surfaces
 from ..figures.control.tracking import draw_positions

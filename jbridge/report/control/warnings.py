@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ...control.compensation import limits_of
-from ...control.measures import FULL, NEAR
+from ...control.move_metrics import FULL, NEAR
 from ...simulation.tracking import Tracking
 from ...tuning.objectives import DRIVE
 from ...tuning.tune import Tuning

@@ -12,7 +12,6 @@ from ...identification.result import Errors, Fit, Trace
 from ...prediction import Simulation
 from ..text.rows import parts, units_of
 from ..text.words import input_units
-from .evidence import draw_evidence
 from .friction_map import draw_friction_map
 from .horizons import draw_horizons
 from .improvement import draw_improvement
@@ -20,6 +19,7 @@ from .missing_force import draw_missing
 from .residual_force import draw_force
 from .residuals import draw_residuals
 from .signals import draw_signals
+from .sites import draw_evidence
 from .style import Picture, drawable
 
 _DIAGNOSED = ("model as given, refitted", "final model")

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from jbridge.model.effects.motors import UNLIMITED
 from jbridge.model.parameters import ParameterTable
 from jbridge.model.speed_loop import shares
-from jbridge.model.steps import substeps
+from jbridge.model.step_size import substeps
 from jbridge.simulation.runge_kutta import MIDPOINT
 from tests.model.effects.test_gradients import START, check_forward, check_reverse, programs
 from tests.problems import (

@@ -12,7 +12,7 @@ from ..fuzzy.norms import Product, Sum
 from ..fuzzy.rules import Variable, rule
 from .compensation import LIMITS, Compensation
 from .fuzzy import FuzzyController
-from .paper import angle_sets, error_sets, velocity_sets, voltage_sets
+from .paper_rules import angle_sets, error_sets, velocity_sets, voltage_sets
 
 _TABLE = {
     # error: voltage where the velocity is NB, ZE, PB

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from jbridge.control.compensation import Compensation
-from jbridge.control.extended import extended_controller
+from jbridge.control.extended_rules import extended_controller
 from jbridge.control.linear import Pid, StateFeedback
-from jbridge.control.paper import paper_controller
+from jbridge.control.paper_rules import paper_controller
 from jbridge.fuzzy.membership import Gaussian, Trapezoidal, Triangular
-from jbridge.tuning.knobs import FuzzyKnobs, knobs_of
+from jbridge.tuning.tunable_parameters import FuzzyKnobs, knobs_of
 
 LAWS = {
     "paper": paper_controller,

@@ -9,7 +9,7 @@ import pytest
 from jbridge._types import Axes
 from jbridge.model.equations import Stage, Step, accelerations
 from jbridge.model.plant import Motion
-from jbridge.model.steps import allows_order_4, longest_step, stiff_axes, substeps
+from jbridge.model.step_size import allows_order_4, longest_step, stiff_axes, substeps
 from tests.problems import make_plant
 
 RIGID = 0.005

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from jbridge.recordings.plausibility.motion import CERTAIN, STRETCH, Cells, Samples, certainly_better, in_cells
+from jbridge.recordings.plausibility.swing_equation import CERTAIN, STRETCH, Cells, Samples, certainly_better, in_cells
 
 LATE, LATE_AGAINST = range(8), range(2)
 """Delays that are tried [cells] of a drive as declared, and of one that is turned. A periodic input, and the limit

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._math import sincos
-from ..control.measures import DWELL, FULL, IDLE, NEAR
-from .collect import AbstractSummary
+from ..control.move_metrics import DWELL, FULL, IDLE, NEAR
+from .outputs import AbstractSummary
 
 UNITS = {
     "settling_x": "s",

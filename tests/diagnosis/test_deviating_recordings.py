@@ -7,7 +7,7 @@ import pytest
 
 from jbridge.diagnosis.structures.space import make_space
 from jbridge.diagnosis.structures.structure import base_structure
-from jbridge.diagnosis.validation.own_numbers import own_numbers
+from jbridge.diagnosis.validation.deviating_recordings import own_numbers
 from jbridge.diagnosis.validation.refits import of_its_own
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jbridge.control.measures import moves
+from jbridge.control.move_metrics import moves
 
 T = np.arange(0.0, 20.0, 0.02)
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jbridge.control.paper import RULES, cart_system, hoist_system, paper_controller
+from jbridge.control.paper_rules import RULES, cart_system, hoist_system, paper_controller
 from jbridge.fuzzy.inference import Mamdani
 from jbridge.fuzzy.rules import in_words
 
