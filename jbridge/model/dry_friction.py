@@ -68,12 +68,16 @@ def mean_friction(v: Scalar, a_free: Scalar, w: Scalar, up: Scalar, down: Scalar
         up, down: levels against positive and against negative motion.
         h: length of the step [s].
     """
+    # The force under which the axis, once at rest, would stay there.
     needed = -a_free / (w + _TINY)
     # Written out, because a clip between equal bounds has no gradient towards them.
     holding = jnp.where(needed < -up, -up, jnp.where(needed > down, down, needed))
+    # At rest nothing of the step slides, and `holding` alone counts, at its limit where the axis breaks away.
     sliding = jnp.where(v > 0, -up, down)
     a_sliding = a_free + w * sliding
+    # Only what is slowed down can come to rest within the step; what speeds up slides through all of it.
     slows = v * a_sliding < 0
     slowed_by = jnp.where(slows, a_sliding, 1.0) * (h + _TINY)
+    # The instant of rest, as a share of the step. Where nothing slows, it is divided by 1, and no gradient is NaN.
     share = jnp.where(slows, jnp.minimum(-v / slowed_by, 1.0), jnp.where(v == 0, 0.0, 1.0))
     return holding + share * (sliding - holding)

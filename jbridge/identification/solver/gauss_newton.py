@@ -82,6 +82,7 @@ def solve(
     remaining = np.full(len(starts), float(limits.iterations))
     active = remaining > 0
     held: list[Held] = [{} for _ in starts]
+    # All starts go on side by side: one call of the compiled engine serves every start that is still active.
     while active.any() and time.monotonic() < limits.until:
         chosen = [int(i) for i in np.flatnonzero(active)]
         is_old = {i: bool(held[i]) for i in chosen}
@@ -93,6 +94,7 @@ def solve(
             promise = _promise(engine.table, normal, weight, likelihood.prior, points[i])
             points[i] = dataclasses.replace(points[i], promise=promise)
             remaining[i] -= _ALONG if is_old[i] else 1.0
+        # Where a step gains nothing, shorter ones are tried along the same tangents, which cost several simulations.
         while waiting:
             trials = []
             for i, normal in waiting.items():
@@ -105,21 +107,25 @@ def solve(
             found, refused = _kept_where_better(engine, data, windows, likelihood, [points[i] for i in waiting], found)
             after = {}
             for (i, normal), new, no in zip(waiting.items(), found, refused, strict=True):
+                # A refused state was moved too far: the window's next one is shorter, and grows when it is taken.
                 pace[i] = np.where(no, _SHORTER * pace[i], np.minimum(pace[i] / _SHORTER, 1.0))
                 gain, promise = points[i].value - new.value, points[i].promise
                 least = limits.tolerance * max(1.0, 1e-3 * abs(new.value))
                 arrived = len(new.free) > 0 and promise < least
                 on = gain > (_OF_STATES if arrived else 1.0) * least
                 if gain > 0:
+                    # The damping of Levenberg and Marquardt: towards Gauss-Newton as long as the quadratic is met.
                     points[i] = dataclasses.replace(new, promise=promise)
                     damping[i] = max(0.1 * damping[i], 1e-9)
                 elif not is_old[i]:
+                    # Along old tangents a loss says that these are worn out; along new ones that the step is too long.
                     stiff = damping[i] * 10.0 > _MOST_DAMPING or not len(points[i].free)
                     damping[i] *= 30.0
                     # What gains nothing after a few shorter steps has arrived.
                     if not stiff and damping[i] < 1e2:
                         after[i] = normal
                         continue
+                # Tangents serve again while the quadratic foretells what is gained.
                 if not (on and len(new.free) and gain > _SERVES * promise):
                     held[i].clear()
                 # Only new tangents tell whether it has arrived.
@@ -161,6 +167,7 @@ def _quadratic(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Matrix and gradient of the free parameters' quadratic."""
     total, n = np.einsum("wc,wcij->ij", weight, normal.products), len(point.free)
+    # The last row and column of the products belong to the residual; the prior adds its curvature and its slope.
     precision, gradient = prior.terms(table, point.free, point.vector, np.diag(total)[:n])
     return total[:n, :n] + precision, total[:n, n] + gradient
 
@@ -186,6 +193,7 @@ def _kept_where_better(
     refused = [np.zeros(len(windows.tiling), bool) for _ in before]
     for i, (old, new) in enumerate(zip(before, after, strict=True)):
         loss = (likelihood.by_window(new.square) - likelihood.by_window(old.square)).sum(axis=1)
+        # The former states are simulated again only for starts some window of which lost by its step.
         if (loss > 0).any():
             worse.append(i)
     if not worse:
