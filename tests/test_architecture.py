@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"_display", "_progress", "compilation"},
     {"_math", "_types", "_version", "errors"},
-    {"_files", "_toml", "cluster"},
+    {"_files", "_toml", "dask_workers"},
     {"recordings", "trajectory"},
     {"model", "fuzzy"},
     {"control"},

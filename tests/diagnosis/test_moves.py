@@ -7,9 +7,8 @@ import pytest
 
 from jbridge.diagnosis.selection.mechanisms import with_mechanisms
 from jbridge.diagnosis.selection.moves import refinements, replacements, simplifications
-from jbridge.diagnosis.selection.search import _from_larger
 from jbridge.diagnosis.structures.space import make_space, proposals
-from jbridge.diagnosis.structures.structure import Structure, base_structure, weighed, with_own_levels
+from jbridge.diagnosis.structures.structure import Structure, base_structure, from_larger, weighed, with_own_levels
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
 from jbridge.identification.setting import make_setting
@@ -49,13 +48,13 @@ def found():
 def test_a_model_that_stands_elsewhere_goes_to_where_a_larger_one_leads(found):
     """It has its own optimum there; one that stands at it stays."""
     problem, base, now = found
-    assert _from_larger(problem, base, now) is base
+    assert from_larger(problem, base, now) is base
     far = dataclasses.replace(base.point.start, vector=base.point.vector.copy())
     far.vector[base.point.free[0]] *= 3.0
     [there] = problem.evaluate(base.space.engine, [far])
     left = dataclasses.replace(base, point=there)
     assert left.value > base.value + 10.0
-    assert _from_larger(problem, left, now).value < base.value + 1.0
+    assert from_larger(problem, left, now).value < base.value + 1.0
 
 
 def test_what_was_added_last_is_compared_with_its_runner_up_again(found):

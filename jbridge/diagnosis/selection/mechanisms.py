@@ -47,15 +47,16 @@ def with_mechanisms(
         by_name.setdefault(candidate.name, []).append(candidate)
 
     def climbed(space: Space, starts: Sequence[Start]) -> tuple[Point, Point]:
-        """All starts fitted to short windows, and the best from there to the part's.
+        """All starts fitted to short windows for some iterations, the most promising one to its end, and from there to
+        the part's.
 
         A stiff spring leaves less than a soft one before either is fitted, and moves slowly to where the soft one is
         at once.
         """
         short = [Start(s.vector, s.free, problem.states_of(s.states, low)) for s in starts]
         fitted = low.solve(space.engine, short, TRIAL + 1)
-        which = int(np.argmin([p.value for p in fitted]))
-        first = fitted[which]
+        which = int(np.argmin([p.value - p.promise for p in fitted]))
+        [first] = low.solve(space.engine, [fitted[which].start])
         begun = Start(starts[which].vector, starts[which].free, problem.states_of(starts[which].states, part))
         after = Start(first.vector, first.free, part.states_with(begun.states, low, first.states))
         [fit] = part.solve(space.engine, better_of(part, space, [begun], [after]), TRIAL)

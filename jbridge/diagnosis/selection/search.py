@@ -28,6 +28,7 @@ from ..structures.space import Name, is_apart, largest_shown, looks_like, propos
 from ..structures.structure import (
     Structure,
     accepts,
+    from_larger,
     leaves_nothing,
     preferred,
     serves_as_well,
@@ -114,7 +115,7 @@ def select(
             stopped = "budget"
         if better:
             best = preferred(problem, better)
-            itself = _from_larger(problem, now, best)
+            itself = from_larger(problem, now, best)
             if itself.value < now.value and not accepts(problem, itself, best):
                 best = itself
             runners_up |= _next_to(problem.setting, now, best, better)
@@ -131,20 +132,6 @@ def select(
     except KeyboardInterrupt:
         stopped = "interrupted"
     return Search(problem, tuple(held), tuple(tried), stopped)
-
-
-def _from_larger(problem: Problem, now: Structure, larger: Structure) -> Structure:
-    """The model itself, from the numbers of a larger one where these are better for it, too: what a larger model gains
-    must not be what another minimum of the smaller one gains, as that of another time of a push."""
-    if not set(now.free) < set(larger.free):
-        return now
-    vector, table = now.point.vector.copy(), larger.space.table
-    vector[now.point.free] = [larger.point.vector[table.positions(name)[0]] for name in now.free]
-    [there] = problem.evaluate(now.space.engine, [Start(vector, now.point.free, larger.point.states)])
-    if there.value >= now.point.value:
-        return now
-    [point] = problem.solve(now.space.engine, [there.start])
-    return weighed(problem, dataclasses.replace(now, point=point))
 
 
 def _next_to(setting: Setting, now: Structure, best: Structure, better: Sequence[Structure]) -> dict[Name, Structure]:
@@ -230,9 +217,10 @@ def _larger(
         joined = _with_other_axes(problem, now, best, others, seen)
         found += [joined] if joined is not best else []
         best = joined
-    # Mechanisms take a program each: they are looked at where a search begins and where it would end, unless what is
-    # simpler leaves nothing.
-    if (best is None or given is not None) and not leaves_nothing(problem, best or now):
+    # Mechanisms take a program each: they are looked at where a search begins, unless what is simpler leaves nothing,
+    # and where it would end with names that they may have in truth.
+    ends = best is None and bool(now.names)
+    if ends or ((best is None or given is not None) and not leaves_nothing(problem, best or now)):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, best)
         found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)

@@ -11,7 +11,7 @@ from scipy.stats import norm, t
 
 from ...identification.data.windows import Data
 from ...identification.estimation import Problem
-from ...identification.solver import Normal, Point, bounded_step, mean_squares
+from ...identification.solver import Normal, Point, Start, bounded_step, mean_squares
 from ...model.plant import Plant
 from ..criteria import CRITERIA
 from .candidates import WRONG_VALUE
@@ -134,6 +134,20 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
         return False
     expected = problem.likelihood.expected(then.point.square, prediction_gap(problem.data, now.left, then.left))
     return steadiness(gain, np.array([expected[blocks == b].sum() for b in range(len(gain))])) > CRITERIA.sure
+
+
+def from_larger(problem: Problem, now: Structure, larger: Structure) -> Structure:
+    """The model itself, from the numbers of a larger one where these are better for it, too: what a larger model gains
+    must not be what another minimum of the smaller one gains, as that of another time of a push."""
+    if not set(now.free) < set(larger.free):
+        return now
+    vector, table = now.point.vector.copy(), larger.space.table
+    vector[now.point.free] = [larger.point.vector[table.positions(name)[0]] for name in now.free]
+    [there] = problem.evaluate(now.space.engine, [Start(vector, now.point.free, larger.point.states)])
+    if there.value >= now.point.value:
+        return now
+    [point] = problem.solve(now.space.engine, [there.start])
+    return weighed(problem, dataclasses.replace(now, point=point))
 
 
 def preferred(problem: Problem, models: Sequence[Structure]) -> Structure:
