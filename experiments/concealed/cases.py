@@ -82,7 +82,7 @@ ALSO_EQUIVALENT = {
 }
 """More of them, by flavour."""
 DECLARED_LATER = frozenset({"blind2", "blind3"})
-"""Parts with these answers; those that were sealed before keep the seals of their truths."""
+"""Parts whose sealed truths have these answers; the scorer knows them for all parts."""
 UNKNOWN_AXES = {"lift": ["swing", "hoist"]}
 """Where more than one equation feels an effect that has no name."""
 

@@ -4,6 +4,8 @@ import math
 from bisect import bisect_right
 from statistics import median
 
+from cases import ALSO_EQUIVALENT
+
 CHANNELS = ("x", "psi", "l")
 NO_NUMBER = {"kind", "site", "encoder", "end", "length", "knots"}
 """Keys of an effect that are not estimated numbers."""
@@ -20,6 +22,10 @@ def accepted(truth: dict) -> dict[str, set[str]]:
     names = {label(e): {label(e)} for e in truth["concealed"]}
     for e in truth["equivalents"]:
         names[e["for"]].add(label(e))
+    # Those that were found after a part was sealed are equivalents of its cases as well.
+    for (flavour, name), others in ALSO_EQUIVALENT.items():
+        if flavour == truth["flavour"] and name in names:
+            names[name] |= {other for other, _ in others}
     return names
 
 

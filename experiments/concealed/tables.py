@@ -133,7 +133,7 @@ def misses(rows: list[dict]) -> list[str]:
 FRESH = "; `fresh` came last, each case once"
 PRESENT = "present"
 """Name of the rows of today's version, of any part."""
-LISTED = {PRESENT: "cases", "blind": "blind", "blind2": "blind2", "blind3": "blind3"}
+LISTED = {PRESENT: "cases", "dev": "dev", "blind": "blind", "blind2": "blind2", "blind3": "blind3"}
 """What is listed case by case, and the name of its list."""
 AGAIN = "fresh-again"
 """Cases of `fresh` by a later version, which knows what the first one missed: no proof of anything."""

@@ -366,6 +366,14 @@ def test_score_equivalent():
     assert not score(truth_of([PUSH], equivalents=[SPLIT]), superfluous)["set_right"]
 
 
+def test_score_equivalent_of_all_parts():
+    """One that no sealed truth of the part has: levels F - c and F + c are F beside a constant c."""
+    truth = truth_of([{"kind": "direction_dependent_friction", "site": "hoist", "positive": 0.0, "negative": 0.3}])
+    said = report_of("missing_physics", "hoist", effects=[("constant_force", "hoist", {})])
+    assert score(truth, said)["set_right"]
+    assert not score(truth | {"flavour": "locked"}, said)["set_right"]
+
+
 def test_score_unknown_and_null():
     strange = truth_of([{"kind": "sagging_rail", "site": "cart"}], "unknown")
     assert score(strange, report_of("unknown"))["verdict_right"]
