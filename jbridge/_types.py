@@ -19,7 +19,7 @@ class Axes(NamedTuple):
 
     x: Scalar
     psi: Scalar
-    l: Scalar  # noqa: E741 (the paper's letter for the rope length)
+    l: Scalar
 
 
 AXES = ("x", "psi", "l")

@@ -158,7 +158,7 @@ def _behind_sensors(plant: Plant, time: float, reading: np.ndarray) -> np.ndarra
     times, rest = jnp.array([time, time + 1.0]), Motion(*(jnp.zeros(2) for _ in range(6)))
 
     def readings_at(q: jnp.ndarray) -> jnp.ndarray:
-        x, psi, l = (jnp.full(2, value) for value in q)  # noqa: E741
+        x, psi, l = (jnp.full(2, value) for value in q)
         return read(plant, times, Motion(x, psi, l, motor=x, loaded=l, phi=psi), rest)[0]
 
     q = jnp.asarray(reading)

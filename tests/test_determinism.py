@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 
-import kills  # noqa: E402
+import kills
 
 ALONE = {"PYTHONHASHSEED": "1", "NPROC": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of JAX, and of NumPy's linear algebra."""

@@ -14,7 +14,7 @@ from jbridge.report.files import alone_in_folder
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 
-import kills  # noqa: E402
+import kills
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no limits, locks and users as on Unix")
 EVERY = [*kills.COMMANDS, *kills.OTHERS]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "concealed"))
 
-from jbridge import load_model, load_recordings  # noqa: E402
-from rivals import diagnose  # noqa: E402
+from jbridge import load_model, load_recordings
+from rivals import diagnose
 
 
 def main() -> None:

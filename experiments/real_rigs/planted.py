@@ -23,8 +23,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import jbridge  # noqa: E402
-from experiments.real_rigs.run import KEPT, ROOT, SHARED, load, model_file, rigs  # noqa: E402
+import jbridge
+from experiments.real_rigs.run import KEPT, ROOT, SHARED, load, model_file, rigs
 
 PLANTED = ROOT / "figures" / "data" / "real-rigs-planted.json"
 TABLE = ROOT / "figures" / "real-rigs-planted.md"

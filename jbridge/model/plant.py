@@ -44,7 +44,7 @@ class Motion(NamedTuple):
 
     x: Scalar
     psi: Scalar
-    l: Scalar  # noqa: E741
+    l: Scalar
     motor: Scalar | None = None
     loaded: Scalar | None = None
     phi: Scalar | None = None

@@ -75,7 +75,7 @@ class Supply(NamedTuple):
     edges: Float[Array, " edge"]
     """See `interval_edges`."""
     x: Held
-    l: Held  # noqa: E741
+    l: Held
 
 
 def supply(plant: Plant, lane: Lane) -> Supply:

@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
-import gradients  # noqa: E402
+import gradients
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
-import mutation  # noqa: E402
+import mutation
 
 SOURCE = '''\
 """1 < 2"""

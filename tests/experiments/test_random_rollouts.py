@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
-import random_rollouts  # noqa: E402
+import random_rollouts
 
 
 @pytest.mark.slow

@@ -176,7 +176,7 @@ def test_degenerate_systems_have_finite_gradients(defuzzifier):
     for softness in (None, 0.1):
         for value in (0.2, 0.5):
             leaves = jax.tree.leaves(
-                jax.grad(lambda s: s.infer(jnp.array([value]), softness=softness).output[0])(system)  # noqa: B023
+                jax.grad(lambda s: s.infer(jnp.array([value]), softness=softness).output[0])(system)
             )
             assert all(np.isfinite(np.asarray(leaf)).all() for leaf in leaves)
 
@@ -282,7 +282,7 @@ def test_sets_known_while_compiling_change_nothing_but_time(softness):
     for seed in range(6):
         system, values = known_sets_case(seed)
         plain = jax.value_and_grad(lambda v, s: s.infer(v, softness=softness).output[0])
-        gathered = jax.jit(lambda v: plain(v, system))  # noqa: B023
+        gathered = jax.jit(lambda v: plain(v, system))
         wanted, found = jax.jit(plain)(values, system), gathered(values)
         assert "[101]" not in str(jax.make_jaxpr(gathered)(values))
         np.testing.assert_allclose(found[0], wanted[0], rtol=1e-12, atol=1e-12)

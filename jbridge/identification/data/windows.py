@@ -213,7 +213,7 @@ def rounded(count: int) -> int:
     return -(-count // unit) * unit
 
 
-def course(  # noqa: PLR0913
+def course(
     g: Grid,
     samples: int,
     history: float,

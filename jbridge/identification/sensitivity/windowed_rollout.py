@@ -245,7 +245,7 @@ def _set(carry: Motions, begins: Array, q: Axes, v: Axes) -> Motions:
     """The motion with measured coordinates set anew where a window begins; what is hidden keeps its deflection."""
 
     def moved(old: Motion, new: Axes) -> Motion:
-        x, psi, l = (  # noqa: E741
+        x, psi, l = (
             jnp.where(begins > 0, a + jnp.where(begins == SHIFTED, b, 0.0), b)
             for a, b in zip(new, old.axes, strict=True)
         )
