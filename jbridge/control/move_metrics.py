@@ -20,7 +20,7 @@ FULL = 0.999
 _REST = 1e-7
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Move:
     """One leg of a reference, from when it starts until the next one does."""
 
@@ -105,23 +105,24 @@ def _measure(
         for axis in place
     }
     return Move(
-        float(times[0]),
-        arrival,
-        {axis: _settled(since, place[axis] - wanted[axis]) for axis in place} | {"load": _settled(since, load)},
-        beyond,
-        {axis: float(np.mean(place[axis][late] - wanted[axis])) for axis in place},
-        float(np.max(np.abs(position[late, 1]))),
-        {
+        start=float(times[0]),
+        arrival=arrival,
+        settling_time={axis: _settled(since, place[axis] - wanted[axis]) for axis in place}
+        | {"load": _settled(since, load)},
+        overshoot=beyond,
+        steady_error={axis: float(np.mean(place[axis][late] - wanted[axis])) for axis in place},
+        residual_swing=float(np.max(np.abs(position[late, 1]))),
+        itae={
             axis: float(np.trapezoid(since * np.abs(place[axis] - reference[:, k]), since))
             for k, axis in enumerate(place)
         },
-        {axis: float(np.mean(command[:, k] ** 2)) for k, axis in enumerate(place)},
-        {
+        effort={axis: float(np.mean(command[:, k] ** 2)) for k, axis in enumerate(place)},
+        travel={
             axis: float(np.sum(np.abs(np.diff(command[:, k]))) / max(since[-1], since[1]))
             for k, axis in enumerate(place)
         },
-        {axis: _sign_changes(command[:, k], IDLE * limits[k]) for k, axis in enumerate(place)},
-        {axis: float(np.mean(np.abs(command[:, k]) >= FULL * limits[k])) for k, axis in enumerate(place)},
+        sign_changes={axis: _sign_changes(command[:, k], IDLE * limits[k]) for k, axis in enumerate(place)},
+        saturation={axis: float(np.mean(np.abs(command[:, k]) >= FULL * limits[k])) for k, axis in enumerate(place)},
     )
 
 

@@ -24,7 +24,7 @@ from jbridge.recordings.tables.table import Table
 TURN = 2 * np.pi
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Channels:
     """What a file gives for each channel, and where in the file it stands."""
 
@@ -113,7 +113,21 @@ def read_channels(path: Path, table: Table, declared: Sidecar, columns: dict[str
         notes.append(left_out_note(no_numbers))
     near = near_columns(table, {*columns, *left_out}, (*extras, *no_numbers))
     every = np.arange(times.size)
-    channels = trim(path, Channels(table, columns, every, raw, {}, extras, tuple(notes), near, left_out, declared))
+    channels = trim(
+        path,
+        Channels(
+            table=table,
+            columns=columns,
+            rows=every,
+            values=raw,
+            earlier={},
+            extras=extras,
+            notes=tuple(notes),
+            near=near,
+            left_out=left_out,
+            declared=declared,
+        ),
+    )
     for name, values in channels.values.items():
         check_finite(channels.error, name, values)
         check_size(channels.error, name, values, columns[name])

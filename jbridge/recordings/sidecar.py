@@ -42,7 +42,7 @@ POSITIVE = ("cart_mass", "load_mass", "winch_mass", "gravity")
 NOT_NEGATIVE = ("cart_damping", "swing_damping", "hoist_damping")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sidecar:
     """Declarations for one recording; without a file, none."""
 

@@ -28,7 +28,7 @@ _DRIVES = (("u_x", "cart", CART_DRIVE), ("u_l", "hoist", HOIST_DRIVE))
 """Input, what it drives, and the drive's site."""
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
 class Tracking(Displayed):
     """A closed loop at the controller's samples."""
 
@@ -156,15 +156,15 @@ def track(model: Model, controller: Controller, path: Path, *, noise: tuple[floa
     measured = np.stack([np.asarray(values) for values in response.measured], axis=1)
     limits = np.asarray(limits_of(controller.law)).tolist()
     return Tracking(
-        path.times,
-        {"x": path.x, "l": path.l},
-        {"x": path.v_x, "l": path.v_l},
-        dict(zip(names, position.T, strict=True)),
-        dict(zip(names, (measured if added is None else measured + added).T, strict=True)),
-        {"u_x": command[:, 0], "u_l": command[:, 1]},
-        moves(path.times, goal, position, command, limits),
-        model.recorded,
-        model.units,
-        (limits[0], limits[1] if model.has_hoist else math.inf),
-        noise,
+        times=path.times,
+        reference={"x": path.x, "l": path.l},
+        reference_speed={"x": path.v_x, "l": path.v_l},
+        position=dict(zip(names, position.T, strict=True)),
+        measured=dict(zip(names, (measured if added is None else measured + added).T, strict=True)),
+        command={"u_x": command[:, 0], "u_l": command[:, 1]},
+        moves=moves(path.times, goal, position, command, limits),
+        recorded=model.recorded,
+        units=model.units,
+        limits=(limits[0], limits[1] if model.has_hoist else math.inf),
+        noise=noise,
     )

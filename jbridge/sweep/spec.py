@@ -41,7 +41,7 @@ _LARGEST = 1e6
 """Beyond this in SI units nothing on a laboratory rig makes sense, as in recordings."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Sweep:
     """A question asked of many plants, controllers and references."""
 
@@ -141,7 +141,18 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
     chunk = _whole(file, "chunk", document.get("chunk", CHUNK), 1, LARGEST_CHUNK)
     precision = word(file, "precision", document.get("precision", "float64"), ("float64", "float32"))
     text = Path(path).read_text(encoding="utf-8-sig")
-    sweep = Sweep(model, controller, start, goal, speed, rest, design, chunk, precision, text)
+    sweep = Sweep(
+        model=model,
+        controller=controller,
+        start=start,
+        goal=goal,
+        speed=speed,
+        rest=rest,
+        design=design,
+        chunk=chunk,
+        precision=precision,
+        text=text,
+    )
     longest = MOST_ENTRIES * controller.period
     if not sweep.seconds <= longest:
         file.refuse(

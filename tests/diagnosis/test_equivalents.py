@@ -106,7 +106,17 @@ def test_a_rival_is_one_that_serves_in_the_final_model():
         # In that round they all came equally near.
         price = 3.0 * len(values)
         by_block = np.full(3, -price / 3.0)
-        structures.append(Structure(space, (name,), {name: tuple(values)}, {name: 0.0}, point, by_block, price))
+        structures.append(
+            Structure(
+                space=space,
+                names=(name,),
+                keys={name: tuple(values)},
+                choices={name: 0.0},
+                point=point,
+                blocks=by_block,
+                price=price,
+            )
+        )
     search = only(Search, problem=problem, held=(base, now, now), tried=(tuple(structures), (), ()))
     of = Naming(search, base, {}, lambda model: {})
     found = named_effect(of, Checked(DRY, "confirmed", 1.0, 5.0), of_its_own(problem, now), in_model=True)

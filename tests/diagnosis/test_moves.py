@@ -33,7 +33,7 @@ def make_case(true, name, values, free):
     base = base_structure(problem, make_space(problem, plants[0], KNOWN, shared=False), given.point)
     problem, fitted = fit_structure(problem, plants[1], KNOWN)
     space = make_space(problem, plants[1], KNOWN, shared=False)
-    structure = Structure(space, (name,), {name: free}, {name: 0.0}, fitted.point, np.zeros(0), np.inf)
+    structure = Structure(space=space, names=(name,), keys={name: free}, choices={name: 0.0}, point=fitted.point)
     return problem, base, weighed(problem, structure)
 
 

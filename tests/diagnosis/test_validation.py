@@ -174,7 +174,7 @@ def validated(plants, effects):
     problem, every = fit_structure(problem, make_plant(*effects), known)
     space = make_space(problem, every.plant, known, shared=False)
     keys = {(kind, site): tuple(values) for kind, site, values in effects}
-    found = Structure(space, tuple(keys), keys, dict.fromkeys(keys, 0.0), every.point, np.zeros(0), np.inf)
+    found = Structure(space=space, names=tuple(keys), keys=keys, choices=dict.fromkeys(keys, 0.0), point=every.point)
     return validate(problem, base, weighed(problem, found), sealed, lambda text: None)
 
 

@@ -61,8 +61,28 @@ def tracking():
     """A long one, whose arrays would fill pages."""
     axes = {name: 0.5 + 0.0 * np.arange(5000) for name in ("x", "psi", "l")}
     each = dict.fromkeys(("x", "l", "load"), 0.5)
-    move = Move(0.0, 1.0, each, each, each, 0.0, each, each, each, dict.fromkeys(each, 3), each)
-    return Tracking(0.01 * np.arange(5000), axes, axes, axes, axes, {"u_x": axes["x"], "u_l": axes["x"]}, (move,))
+    move = Move(
+        start=0.0,
+        arrival=1.0,
+        settling_time=each,
+        overshoot=each,
+        steady_error=each,
+        residual_swing=0.0,
+        itae=each,
+        effort=each,
+        travel=each,
+        sign_changes=dict.fromkeys(each, 3),
+        saturation=each,
+    )
+    return Tracking(
+        times=0.01 * np.arange(5000),
+        reference=axes,
+        reference_speed=axes,
+        position=axes,
+        measured=axes,
+        command={"u_x": axes["x"], "u_l": axes["x"]},
+        moves=(move,),
+    )
 
 
 def inspection():

@@ -90,7 +90,7 @@ def quarters(track: Track) -> list[Track]:
     ]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Features:
     """Hat functions of what a force may hang on."""
 
@@ -127,15 +127,15 @@ def features(tracks: Sequence[Track]) -> Features:
     place = _hats(tracks, lambda t: t.q, low, high, _PLACES)
     reversals = [_since_reversal(t, high - low) for t in tracks]
     return Features(
-        (low, high),
-        place,
-        _turned(place, tracks),
-        _hats(tracks, lambda t: t.v, -top, top, _VALUES),
-        _hats(tracks, lambda t: t.u, *_span(tracks, lambda t: t.u), _VALUES),
-        _hats(tracks, lambda t: t.times, 0.0, max(t.times[-1] for t in tracks), _PLACES),
-        {name: _either_way(tracks, name) for name in tracks[0].others},
-        [distance for distance, _ in reversals],
-        [time for _, time in reversals],
+        span=(low, high),
+        place=place,
+        turned=_turned(place, tracks),
+        velocity=_hats(tracks, lambda t: t.v, -top, top, _VALUES),
+        inputs=_hats(tracks, lambda t: t.u, *_span(tracks, lambda t: t.u), _VALUES),
+        clock=_hats(tracks, lambda t: t.times, 0.0, max(t.times[-1] for t in tracks), _PLACES),
+        others={name: _either_way(tracks, name) for name in tracks[0].others},
+        since=[distance for distance, _ in reversals],
+        lasting=[time for _, time in reversals],
     )
 
 

@@ -14,8 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import numpy as np
-
 from ...compilation.programs import forget_if_large
 from ...identification.data.windows import WHOLE
 from ...identification.estimation import Problem
@@ -289,7 +287,9 @@ def _all_fitted(problem: Problem, moves: Sequence[Move], now: Structure) -> list
         if problem.is_late:
             # What was cut short says nothing beside what was not.
             return None
-        fitted = Structure(move.space, move.names, move.keys, move.choices, point, np.zeros(0), math.inf, restarted)
+        fitted = Structure(
+            space=move.space, names=move.names, keys=move.keys, choices=move.choices, point=point, restarted=restarted
+        )
         return _Fit(weighed(problem, fitted), first.value - point.value)
 
     def continued(fit: _Fit) -> _Fit:

@@ -18,7 +18,7 @@ from .candidates import WRONG_VALUE
 from .space import Name, Space, happens_once, looks_like
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Structure:
     """One fitted model of a search."""
 
@@ -31,9 +31,9 @@ class Structure:
     choices: dict[Name, float]
     """Logarithm of the number of alternatives among which each was chosen."""
     point: Point
-    blocks: NDArray[np.float64]
+    blocks: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(0))
     """The criterion by block, each left out in turn."""
-    price: float
+    price: float = math.inf
     """What its numbers and the choices behind it must gain."""
     restarted: bool = False
     """Whether its first fit ended worse than the model that it contains, so that it was fitted again from there."""
@@ -67,7 +67,7 @@ class Structure:
 
 def base_structure(problem: Problem, space: Space, point: Point) -> Structure:
     """A structure with nothing added, from its fitted point."""
-    return weighed(problem, Structure(space, (), {}, {}, point, np.zeros(0), 0.0))
+    return weighed(problem, Structure(space=space, names=(), keys={}, choices={}, point=point))
 
 
 def weighed(problem: Problem, structure: Structure) -> Structure:

@@ -9,7 +9,7 @@ from ..._types import AXES
 from ...recordings import Recording
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Grid:
     """One recording on the engine's grid, in plain NumPy."""
 
@@ -59,4 +59,14 @@ def grid(recording: Recording, step: float) -> Grid:
     if length is None:
         length = 0.5 if recording.l is None else float(np.mean(recording.l))
     active = (recording.has_cart, recording.has_swing, recording.has_hoist)
-    return Grid(recording, times, u, dt_before, u_before, y, measured, active, length)
+    return Grid(
+        recording=recording,
+        times=times,
+        u=u,
+        dt_before=dt_before,
+        u_before=u_before,
+        y=y,
+        measured=measured,
+        active=active,
+        length=length,
+    )
