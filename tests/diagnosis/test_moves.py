@@ -8,9 +8,17 @@ import pytest
 from jbridge.diagnosis.selection.mechanisms import with_mechanisms
 from jbridge.diagnosis.selection.moves import refinements, replacements, simplifications
 from jbridge.diagnosis.structures.space import make_space, proposals
-from jbridge.diagnosis.structures.structure import Structure, base_structure, from_larger, weighed, with_own_levels
+from jbridge.diagnosis.structures.structure import (
+    Structure,
+    base_structure,
+    from_larger,
+    in_equal_steps,
+    weighed,
+    with_own_levels,
+)
 from jbridge.identification.data.windows import make_data
 from jbridge.identification.estimation import fit_structure, make_problem
+from jbridge.identification.sensitivity.windowed_rollout import Steps
 from jbridge.identification.setting import make_setting
 from jbridge.model.files import Model
 from tests.identification.cases import play, steps
@@ -55,6 +63,18 @@ def test_a_model_that_stands_elsewhere_goes_to_where_a_larger_one_leads(found):
     left = dataclasses.replace(base, point=there)
     assert left.value > base.value + 10.0
     assert from_larger(problem, left, now).value < base.value + 1.0
+
+
+def test_shorter_steps_are_no_merit_of_a_law(found):
+    """A model gains nothing over itself in other steps."""
+    problem, base, _ = found
+    engine = base.space.engine.predicting_in(Steps(1))
+    [point] = problem.solve(engine, [base.point.start])
+    other = dataclasses.replace(base, space=dataclasses.replace(base.space, engine=engine), point=point)
+    better, worse = sorted((base, other), key=lambda s: s.value)
+    assert better.value < worse.value - 1.0
+    [same, without] = in_equal_steps(problem, worse, [better, worse])
+    assert same.value == pytest.approx(worse.value, abs=0.2) and without is worse
 
 
 def test_what_was_added_last_is_compared_with_its_runner_up_again(found):

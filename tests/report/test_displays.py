@@ -114,7 +114,8 @@ def test_what_has_no_page_is_shown_as_a_short_text(make, begins):
 def test_repr_says_what_matters():
     said = repr(cases.missing_physics())
     assert (
-        said.startswith("Diagnosis: Physics is missing") and "dead zone, cart drive (confirmed): positive 0.301" in said
+        said.startswith("Diagnosis: Missing physics is identified")
+        and "dead zone, cart drive (confirmed): positive 0.301" in said
     )
     assert "Hold-out, whole recordings" in said
     assert "cart_gain 16.04 N/V (95 %: 15.82 to 16.26)" in repr(cases.fitted())

@@ -27,6 +27,7 @@ from ..structures.structure import (
     Structure,
     accepts,
     from_larger,
+    in_equal_steps,
     leaves_nothing,
     preferred,
     serves_as_well,
@@ -221,7 +222,8 @@ def _larger(
     if ends or ((best is None or given is not None) and not leaves_nothing(problem, best or now)):
         apart = [c for c in every if is_apart(c.kind)]
         moves = with_mechanisms(problem, part.of_some(1), now, apart, choice, best)
-        found += _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
+        tried = _all_fitted(problem, [m for m in moves if m.numbers not in seen], now)
+        found += in_equal_steps(problem, now, tried)
     return found
 
 

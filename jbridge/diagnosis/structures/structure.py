@@ -11,6 +11,7 @@ from scipy.stats import norm, t
 
 from ...identification.data.windows import Data
 from ...identification.estimation import Problem
+from ...identification.sensitivity.windowed_rollout import Steps
 from ...identification.solver import Normal, Point, Start, bounded_step, mean_squares
 from ...model.plant import Plant
 from ..criteria import CRITERIA
@@ -134,6 +135,22 @@ def accepts(problem: Problem, now: Structure, then: Structure) -> bool:
         return False
     expected = problem.likelihood.expected(then.point.square, prediction_gap(problem.data, now.left, then.left))
     return steadiness(gain, np.array([expected[blocks == b].sum() for b in range(len(gain))])) > CRITERIA.sure
+
+
+def in_equal_steps(problem: Problem, now: Structure, models: Sequence[Structure]) -> list[Structure]:
+    """Larger models that must gain, beyond their price, what the model itself gains by their integration steps: what a
+    mechanism integrates more closely is no merit of its law."""
+    gains: dict[Steps, float] = {now.space.engine.steps.predictions: 0.0}
+    out = []
+    for model in models:
+        steps = model.space.engine.steps.predictions
+        if model.value < now.value:
+            if steps not in gains:
+                [closer] = problem.solve(now.space.engine.predicting_in(steps), [now.point.start])
+                gains[steps] = max(now.point.value - closer.value, 0.0)
+            model = dataclasses.replace(model, price=model.price + gains[steps])
+        out.append(model)
+    return out
 
 
 def from_larger(problem: Problem, now: Structure, larger: Structure) -> Structure:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ...model.parameters import ParameterTable
 from ...model.plant import Plant
 from ..data.windows import Course
-from .windowed_rollout import LOST, SHIFTED, STATES, Lanes, Stepping, predicted, tangents
+from .windowed_rollout import LOST, SHIFTED, STATES, Lanes, Stepping, Steps, predicted, tangents
 
 _WIDEST = 24
 """Most parameter columns of a call; more are taken in several."""
@@ -117,6 +117,12 @@ class Engine:
         time to compile these: for a structure that is looked at a few times."""
         other = copy.copy(self)
         other._by_differences, other.lanes = True, _LANES
+        return other
+
+    def predicting_in(self, steps: Steps) -> "Engine":
+        """The same with other integration steps of its predictions; tangents, which only lead to them, stay."""
+        other = copy.copy(self)
+        other.steps = self.steps._replace(predictions=steps)
         return other
 
     @property
