@@ -106,7 +106,7 @@ def specification(folder: Path, mechanism: dict[str, dict[str, float]], count: i
     return path
 
 
-def measured(name: str, count: int, seed: int, gpu: bool) -> dict[str, Any]:
+def measured(name: str, count: int, seed: int, gpu: bool = False) -> dict[str, Any]:
     """One sweep: how many rollouts were marked, and how many have a number that is not finite although they are not."""
     with tempfile.TemporaryDirectory() as folder:
         question = jbridge.load_sweep(specification(Path(folder), MECHANISMS[name], count, seed, gpu))

@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, NoReturn
 
 import numpy as np
@@ -43,8 +43,9 @@ class Where:
 
     def beside(self, file: Path, key: str, name: str) -> Path:
         """The path of a file that `file` names under a key: in the same folder or below, nowhere else."""
-        given = Path(name)
-        if not name.isprintable() or given.is_absolute() or ".." in given.parts or not given.name:
+        given, on_windows = Path(name), PureWindowsPath(name)
+        leaves = given.is_absolute() or on_windows.anchor or ".." in (*given.parts, *on_windows.parts)
+        if not name.isprintable() or leaves or not given.name:
             self.refuse(
                 f"{key} = {shown(name)} does not lie beside this file or in a folder below; put the file there and"
                 f' write {key} = "NAME"'

@@ -15,6 +15,7 @@ from .compilation.threads import one_thread_each
 from .errors import InputError
 from .identification.data.grid import grid
 from .identification.evaluation.judge import free_run
+from .identification.setting import resolve
 from .model.files import Model, requires
 from .model.parameters import ParameterTable
 from .model.plant import Motion, Plant
@@ -128,6 +129,7 @@ def _from_rest(model: Model, recording: Recording, parts: dict[str, bool]) -> np
                 f"{recording.name}: no rope length to start from; add an l column or [initial] l = 0.7 to its sidecar"
             )
         initial[2] = 0.5
+    plant = resolve(plant, float(initial[2]))
     table = ParameterTable(plant)
     vector = np.array(table.ravel(plant), dtype=float)
     for name, value in recording.override.items():

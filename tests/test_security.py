@@ -108,7 +108,19 @@ def test_a_function_handle_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["../cart.fis", "/cart.fis", "a/../../cart.fis", "..", ".", "", "a\\u0000b", "\\u001b[2J"]
+    "name",
+    [
+        "../cart.fis",
+        "/cart.fis",
+        "a/../../cart.fis",
+        "..",
+        ".",
+        "",
+        "C:cart.fis",
+        "\\\\cart.fis",
+        "a\\u0000b",
+        "\\u001b[2J",
+    ],
 )
 def test_a_controller_names_files_in_its_own_folder(tmp_path, name):
     inside = tmp_path / "inside"

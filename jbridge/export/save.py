@@ -8,7 +8,7 @@ from .._files import make_folder, replacing
 from .._toml import Where, read_toml
 from ..control.files import load_controller
 from ..errors import InputError
-from ..model.files import load_model, requires
+from ..model.files import check_lengths, load_model, requires
 from .c import controller_header
 from .c_model import model_header
 from .fmu import model_unit
@@ -81,6 +81,7 @@ def _model(path: Path, name: str, target: str, rope: float, period: float) -> tu
     if not 1e-5 <= period <= 1.0:
         raise InputError(f"--period {period:g}: give the time between samples in seconds, from 1e-5 to 1")
     model = load_model(path)
+    check_lengths(model)
     if target == "c":
         return model_header(model, name, period=period, rope=rope), ".h"
     if target == "fmu":

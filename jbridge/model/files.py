@@ -237,6 +237,19 @@ def _check_plant(file: Where, plant: Plant, given: Collection[str]) -> None:
             )
 
 
+def check_lengths(model: Model) -> None:
+    """Checks that the file gives every reference length, which recordings of a measured rope tell otherwise.
+
+    Raises:
+        InputError: naming what to add.
+    """
+    for effect in model.plant.effects:
+        if np.isnan(np.asarray(getattr(effect, "length", 0.0), float)):
+            Where(model.source or "the model").within(f"[[effect]] {effect.kind}").refuse(
+                "no length; add length = 0.5, the rope length [m] at which its slope changes nothing"
+            )
+
+
 def _known_names(where: Where, known: Any, table: ParameterTable) -> set[str]:
     """The parameters that `known` names, with their sites."""
     if not isinstance(known, list) or not all(isinstance(name, str) for name in known):

@@ -118,6 +118,7 @@ class Plant(eqx.Module):
     def check(self) -> None:
         """Raises ValueError where effects stand together that physics has room for one of."""
         _ = self.drive_train, self.rope_end, self.hysteresis
+        _ = [self.speed_loop(axis) for axis in DRIVE_OF_AXIS]
         for mechanism in self.mechanisms:
             self.only(type(mechanism))
 
@@ -165,7 +166,9 @@ class Plant(eqx.Module):
             u, place, speed = getattr(volts, axis), getattr(places, axis), getattr(speeds, axis)
             site = DRIVE_OF_AXIS[axis]
             for induced in self.all(AbstractInduced, site):
-                u = self.after(functools.partial(induced.less, getattr(volts, axis), speed), u, induced)
+                # A motor that is wired the other way round brakes itself as well.
+                along = speed * jnp.sign(gain)
+                u = self.after(functools.partial(induced.less, getattr(volts, axis), along), u, induced)
             force = gain * u
             for ripple in self.all(TorqueRipple, site):
 
@@ -219,7 +222,7 @@ class Plant(eqx.Module):
         return scale
 
     def time_constants(self) -> Axes:
-        """Time constants of the drives' lags [s], 0 where there is none."""
+        """Time constants of the drives' lags [s], 0 where there is none; those of one drive act as their sum."""
         found = {"x": jnp.zeros(()), "l": jnp.zeros(())}
         for effect in self.effects:
             if isinstance(effect, LAGS):

@@ -30,7 +30,7 @@ def longest_step(plant: Plant, rigid: float, damped: Sequence[str] = ()) -> floa
         rigid: the longest step of a rigid bridge [s]; hidden masses take half of it at most.
         damped: see `equations.accelerations`.
     """
-    decided, explicit = _needed(plant, damped)
+    decided, explicit = (max(own, default=0.0) for own in paces(plant, damped))
     hidden = plant.mechanisms or plant.hysteresis is not None
     halvings = max(
         1 if hidden else 0,
@@ -93,33 +93,40 @@ def _fading(plant: Plant, damped: Sequence[str]) -> dict[str, float]:
         left = 0.0 if axis in damped else 1.0 - loop.share if loop is not None and whole else 1.0
         rate = left * damping
         for induced in plant.all(AbstractInduced, DRIVE_OF_AXIS[axis]):
-            rate = rate + gain * induced.constant
+            rate = rate + np.abs(np.asarray(gain)) * induced.constant
         found[axis] = _most(np.asarray(rate / masses[axis]))
     return found
 
 
-def _needed(plant: Plant, damped: Sequence[str]) -> tuple[float, float]:
-    """Steps per second: for what is decided within a step, and for what is not."""
+def paces(plant: Plant, damped: Sequence[str] = ()) -> tuple[list[float], list[float]]:
+    """Steps per second that each part asks for: those that are decided within a step, and those that are not. Each
+    rises or falls with a number of the plant whatever the others are.
+
+    Args:
+        plant: see `longest_step`.
+        damped: see `equations.accelerations`.
+    """
     b, train, rope = plant.bridge, plant.drive_train, plant.only(RopeElasticity)
     cart, load, winch = (np.asarray(mass) for mass in (b.cart_mass, b.load_mass, b.winch_mass))
     motor = cart if train is None else np.asarray(train.motor_mass)
-    decided = squares = 0.0
-    fading = max(_fading(plant, damped).values())
+    decided, squares = list[float](), list[float]()
+    fading = list(_fading(plant, damped).values())
     if isinstance(train, BeltCompliance):
-        decided = _most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor)))
+        decided.append(_most(train.stiffness * (1.0 / motor + 1.0 / np.maximum(cart - motor, 1e-3 * motor))))
     spring = plant.hysteresis
     if spring is not None:
-        decided = max(decided, _most(spring.steepness() / motor))
+        decided.append(_most(spring.steepness() / motor))
     if rope is not None:
         ease = 1.0 / winch + 1.0 / load
-        squares = _most(rope.stiffness * ease)
-        fading = max(fading, _most(rope.damping * ease))
+        squares.append(_most(rope.stiffness * ease))
+        fading.append(_most(rope.damping * ease))
     hook = plant.only(DoublePendulum)
     if hook is not None:
         below = np.maximum(load - hook.hook_mass, 1e-3 * load)
-        squares = max(squares, _most(b.gravity / hook.link * load / hook.hook_mass))
-        fading = max(fading, _most(hook.damping / hook.link**2 * (1.0 / below + 1.0 / hook.hook_mass)))
-    return math.sqrt(decided) / _TURN, max(math.sqrt(squares) / _TURN, fading / _FADE)
+        squares.append(_most(b.gravity / hook.link * load / hook.hook_mass))
+        fading.append(_most(hook.damping / hook.link**2 * (1.0 / below + 1.0 / hook.hook_mass)))
+    explicit = [math.sqrt(each) / _TURN for each in squares] + [each / _FADE for each in fading]
+    return [math.sqrt(each) / _TURN for each in decided], explicit
 
 
 def _most(values: Array | np.ndarray) -> float:

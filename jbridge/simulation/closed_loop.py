@@ -4,6 +4,7 @@ Between two samples of the controller its command is held, and the plant moves a
 frictions, hidden states and sensors. What drives and sensors remember (delays) is kept for a number of periods.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -104,7 +105,8 @@ def periods_remembered(plant: Plant, period: float) -> int:
     delays = [sum(float(effect.delay) for effect in plant.all(AbstractDelay, site)) for site in AbstractDelay.sites]
     delays += [float(effect.delay) for effect in plant.all(SensorDelay)]
     late = any(plant.all(AbstractDelay)) or any(plant.all(SensorDelay))
-    return int(-(-max(delays) // period)) + 1 if late else 0
+    # Delays are in true time, of which a period by a slow clock is another one.
+    return math.ceil(max(delays) / (period * float(plant.time_scale())) - 1e-9) + 1 if late else 0
 
 
 def closed_loop(  # noqa: PLR0913

@@ -18,7 +18,7 @@ from ..control.move_metrics import Move, moves
 from ..errors import InputError
 from ..model.effects.base import CART_DRIVE, HOIST_DRIVE
 from ..model.effects.drives import DeadZone
-from ..model.files import Model, requires
+from ..model.files import Model, check_lengths, requires
 from ..model.step_size import substeps
 from ..trajectory import Path
 from .closed_loop import closed_loop, periods_remembered
@@ -113,6 +113,7 @@ def track(model: Model, controller: Controller, path: Path, *, noise: tuple[floa
             zone, path and controller have different periods, or the loop runs away.
     """
     requires(model, model.axes)
+    check_lengths(model)
     if not model.has_hoist and np.ptp(path.l) > 0.0:
         raise InputError(
             f"{model.source or 'the model'}: no winch_mass and no hoist_gain, so that the rope is locked; give a "

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..control.base import AbstractController, Reference
 from ..control.compensation import limits_of
 from ..model.parameters import ParameterTable
-from ..model.step_size import substeps
+from ..model.step_size import paces, substeps
 from ..simulation.closed_loop import closed_loop, periods_remembered
 from ..simulation.move_summary import UNITS, MoveSummary, is_sound, late_from
 from ..trajectory import along, durations
@@ -133,18 +133,20 @@ def _with_controller(
 
 def _substeps(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:
     """Integration steps in a period of the controller that every rollout can do with."""
-    period, hardest = sweep.controller.period, np.array(base, dtype=float)
-
-    def needed(name: str, value: float) -> int:
-        row = hardest.copy()
-        row[places[name]] = value
-        return substeps(table.unravel(jnp.asarray(row)), period)
-
-    for axis in sweep.design.axes:
-        if axis.name in places:
-            # Each number makes a bridge faster or slower whatever the others are.
-            hardest[places[axis.name]] = max((axis.low, axis.high), key=lambda value: needed(axis.name, value))
-    return substeps(table.unravel(jnp.asarray(hardest)), period)
+    most, parts = 1, sum(map(len, paces(sweep.model.plant)))
+    for part in range(parts):
+        hardest = np.array(base, dtype=float)
+        for axis in sweep.design.axes:
+            if axis.name in places:
+                # Each number makes a part faster or slower whatever the others are.
+                tried = [hardest.copy() for _ in range(2)]
+                for row, value in zip(tried, (axis.low, axis.high), strict=True):
+                    row[places[axis.name]] = value
+                plants = [table.unravel(jnp.asarray(row)) for row in tried]
+                pace = [[*decided, *explicit][part] for decided, explicit in map(paces, plants)]
+                hardest = tried[int(np.argmax(pace))]
+        most = max(most, substeps(table.unravel(jnp.asarray(hardest)), sweep.controller.period))
+    return most
 
 
 def _memory(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dict[str, list[int]]) -> int:

@@ -18,7 +18,7 @@ from ..control.files import Controller, load_controller
 from ..control.paper_rules import paper_controller
 from ..control.reference_files import PAPER_POINTS, REST, SPEED
 from ..errors import quoted
-from ..model.files import Model, load_model, requires
+from ..model.files import Model, check_lengths, load_model, requires
 from ..model.parameters import ParameterTable
 from ..trajectory import MOST_ENTRIES
 from .sample import KINDS, Axis, Design
@@ -104,6 +104,7 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         file.refuse('no model; add model = "model.toml"')
     model = load_model(file.beside(Path(path), "model", document["model"]))
     requires(model, ("x", "psi", "l"))
+    check_lengths(model)
     given = document.get("controller")
     if given is not None and not isinstance(given, str):
         file.refuse('controller is not the name of a file; write it as controller = "fuzzy.toml"')

@@ -15,7 +15,7 @@ from .._display import Displayed
 from .._progress import Step, silent, with_progress
 from ..control.files import Controller
 from ..errors import InputError
-from ..model.files import Model, requires
+from ..model.files import Model, check_lengths, requires
 from ..simulation.closed_loop import Response
 from ..simulation.tracking import check_limits, moving
 from ..trajectory import Path
@@ -121,6 +121,7 @@ def tune(  # noqa: PLR0913
     begun = time.perf_counter()
     tell = progress or silent
     requires(model, model.axes)
+    check_lengths(model)
     check_limits(model, controller)
     for name, number in {"plants": plants, "held_out": held_out, "steps": steps, "starts": starts}.items():
         if not 1 <= number <= MOST:

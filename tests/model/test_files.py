@@ -263,6 +263,7 @@ BELT = 'kind = "belt_compliance"; site = "cart"; stiffness = 1e3; damping = 1.0;
 PLAY = 'kind = "backlash"; site = "cart"; gap = 1e-3; motor_mass = 1.0'
 HOOK = 'kind = "double_pendulum"; site = "swing"; hook_mass = 0.05; link = 0.1; damping = 1e-3'
 DAHL = 'kind = "presliding_friction"; site = "cart"; level = 1.0; stiffness = 1e3'
+SPEED = 'kind = "speed_drive"; site = "cart_drive"; time_constant = 0.05; limit = 50.0; share = 1.0'
 WINCH = 'kind = "hoist_backlash"; site = "hoist"; gap = 1e-3; motor_mass = 0.06'
 CABLE = 'kind = "cable_drag"; site = "cart"; stiffness = 1.0; rest = 0.5; level = 0.2; travel = 0.05'
 AGAIN = "; [[effect]]; "
@@ -387,6 +388,7 @@ REFUSED = {
     "option by number": (effect(BELT + "; encoder = 1"), ["encoder = 1 is not a word in quotes", "cart, motor"]),
     "two belts": (effect(BELT + AGAIN + BELT), ["at most one belt_compliance", "delete"]),
     "two hooks": (effect(HOOK + AGAIN + HOOK), ["at most one double_pendulum"]),
+    "two speed drives": (effect(SPEED + AGAIN + SPEED), ["at most one speed_drive at cart_drive"]),
     "two Dahl frictions": (effect(DAHL + AGAIN + DAHL), ["at most one presliding_friction"]),
     "Dahl friction and cable": (effect(DAHL + AGAIN + CABLE), ["presliding_friction and cable_drag", "keep one"]),
     "play at both drives": (effect(PLAY + AGAIN + WINCH), ["hoist_backlash and backlash", "keep one"]),

@@ -1,5 +1,7 @@
 """Steps against the eigenvalues of the bridge at rest."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,7 +10,7 @@ import pytest
 
 from jbridge._types import Axes
 from jbridge.model.equations import Stage, Step, accelerations
-from jbridge.model.plant import Motion
+from jbridge.model.plant import Motion, Plant
 from jbridge.model.step_size import allows_order_4, longest_step, stiff_axes, substeps
 from tests.problems import make_plant
 
@@ -86,6 +88,21 @@ def test_a_rigid_bridge_keeps_its_step_and_hidden_masses_take_half():
 def test_what_is_decided_within_a_step_does_not_ask_for_ever_shorter_ones():
     stiff = make_plant(("belt_compliance", "cart", {"stiffness": 1e9, "damping": 5.0, "motor_mass": 2.0}))
     assert longest_step(stiff, RIGID) == RIGID / 8
+
+
+@pytest.mark.parametrize("kind", ["back_emf", "freewheeling"])
+def test_a_drive_that_is_wired_the_other_way_round_brakes_as_well(kind):
+    """With both signs exchanged, of gain and input, nothing changes."""
+    more = {"width": 1.0} if kind == "freewheeling" else {}
+    plant = make_plant((kind, "cart_drive", {"constant": 2.0, **more}))
+    other = Plant(dataclasses.replace(plant.bridge, cart_gain=-plant.bridge.cart_gain), plant.effects)
+    zero, moving = Motion(*(jnp.zeros(()) for _ in range(6))), Motion(*(jnp.full((), 0.3) for _ in range(6)))
+    force, same = (
+        float(p.drive_forces(Axes(jnp.asarray(u), jnp.zeros(()), jnp.zeros(())), zero, moving).x)
+        for p, u in ((plant, 1.5), (other, -1.5))
+    )
+    assert force == pytest.approx(same) and force < float(plant.bridge.cart_gain) * 1.5
+    assert longest_step(other, RIGID) == longest_step(plant, RIGID)
 
 
 def test_of_many_bridges_the_fastest_decides():

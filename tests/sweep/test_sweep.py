@@ -10,8 +10,11 @@ import pytest
 
 import jbridge
 from jbridge import InputError
+from jbridge.model.parameters import ParameterTable
+from jbridge.model.plant import Plant
+from jbridge.model.step_size import substeps
 from jbridge.simulation.move_summary import UNITS
-from jbridge.sweep.rollouts import Rollouts
+from jbridge.sweep.rollouts import Rollouts, _substeps
 from jbridge.sweep.run import read_sweep, run_sweep
 from jbridge.sweep.spec import load_sweep
 from tests.problems import model_text
@@ -303,3 +306,18 @@ def test_workers_give_what_one_process_gives_though_they_are_killed(done, spec, 
     one, two = read_sweep(tmp_path / "alone"), read_sweep(tmp_path / "out")
     for name, values in one.items():
         np.testing.assert_array_equal(two[name], values)
+
+
+@pytest.mark.parametrize("names", [("cart_damping", "cart_mass"), ("cart_mass", "cart_damping")])
+def test_steps_are_short_enough_for_the_fastest_bridge_of_a_sweep(tmp_path, names):
+    """A light cart with much damping, in whichever order the two are varied."""
+    ranges = {"cart_damping": "low = 20.0\nhigh = 500.0", "cart_mass": "low = 0.3\nhigh = 6.0"}
+    axes = "\n".join(f'[[vary]]\nname = "{name}"\n{ranges[name]}\n' for name in names)
+    (tmp_path / "model.toml").write_text(model_text())
+    (tmp_path / "sweep.toml").write_text(SPEC.partition("[[vary]]")[0] + axes)
+    sweep = load_sweep(tmp_path / "sweep.toml")
+    table = ParameterTable(sweep.model.plant)
+    places = {name: list(table.positions(name)) for name in names}
+    found = _substeps(sweep, table, np.asarray(table.ravel(sweep.model.plant)), places)
+    bridge = dataclasses.replace(sweep.model.plant.bridge, cart_damping=500.0, cart_mass=0.3)
+    assert found == substeps(Plant(bridge), sweep.controller.period) > substeps(sweep.model.plant, 0.02)

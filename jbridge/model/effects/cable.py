@@ -48,7 +48,8 @@ class CableDrag(AbstractHysteresis):
 
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
         target = jnp.where(way < 0, -1.0, 1.0)
-        return target - (target - z) * decay(jnp.abs(way) / self.travel)
+        # `abs` would have no slope at rest, and the spring none in its gradient.
+        return target - (target - z) * decay(jnp.where(way < 0, -way, way) / self.travel)
 
     def steepness(self) -> Scalar:
         return self.stiffness + self.level / self.travel

@@ -215,7 +215,10 @@ class PreslidingFriction(AbstractFriction, AbstractHysteresis):
 
     def deflection(self, z: Scalar, way: Scalar) -> Scalar:
         target = jnp.where(way < 0, -1.0, 1.0)
-        return target - (target - z) * decay(self.stiffness * jnp.abs(way) / jnp.maximum(self.level, 1e-3))
+        # `abs` would have no slope at rest, and the spring none in its gradient.
+        return target - (target - z) * decay(
+            self.stiffness * jnp.where(way < 0, -way, way) / jnp.maximum(self.level, 1e-3)
+        )
 
     def steepness(self) -> Scalar:
         return self.stiffness

@@ -59,7 +59,7 @@ class ForceLimit(AbstractEffect):
     @classmethod
     def seeds(cls, site: str, scene: Scene) -> list[Seed]:
         gain = scene.bridge["cart_gain" if site == CART_DRIVE else "hoist_gain"]
-        largest = max(gain * largest_input(site, scene), 1e-6)
+        largest = max(abs(gain) * largest_input(site, scene), 1e-6)
         return [Seed({"limit": share * largest}, ("limit",), finite=True) for share in (0.85, 0.6)]
 
 
