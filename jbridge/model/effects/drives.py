@@ -145,7 +145,8 @@ class StartDelay(AbstractDelay):
 
 
 class ActuatorLag(AbstractEffect):
-    """First order: `time_constant s' = u - s`, solved exactly over a step (`s` is a hidden state)."""
+    """First order: `time_constant s' = u - s`, solved exactly over a step (`s` is a hidden state); lags of one drive
+    act as one of the sum of their time constants."""
 
     kind: ClassVar[str] = "actuator_lag"
     sites: ClassVar[tuple[str, ...]] = DRIVES

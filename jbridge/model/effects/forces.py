@@ -256,7 +256,8 @@ class EndStop(AbstractForce):
 
 
 class LoadDrag(AbstractForce):
-    """Air drag on the load's absolute velocity, `-coefficient |V| V`; it acts on all three equations."""
+    """Air drag on the load's absolute velocity, `-coefficient |V| V`; it acts on all three equations, and on the hook
+    of a double pendulum."""
 
     kind: ClassVar[str] = "load_drag"
     sites: ClassVar[tuple[str, ...]] = (SWING,)
@@ -279,7 +280,8 @@ class LoadDrag(AbstractForce):
 
 
 class Wind(AbstractForce):
-    """A horizontal force on the load from `start` to `stop`: `force (1, l cos psi, sin psi)`."""
+    """A horizontal force on the load, or on the hook of a double pendulum, from `start` to `stop`: `force (1,
+    l cos psi, sin psi)`."""
 
     kind: ClassVar[str] = "wind"
     sites: ClassVar[tuple[str, ...]] = (SWING,)
