@@ -142,7 +142,7 @@ def accelerations(plant: Plant, stage: Stage, step: Step, *, damped: Sequence[st
 def _forces(plant: Plant, stage: Stage, step: Step, damped: Sequence[str]) -> _Forces:
     t, q, v, volts = stage.t, stage.q, stage.v, stage.volts
     train, rope = plant.drive_train, plant.rope_end
-    load, resistance = materialise(plant.smooth_forces(t, q, v), step.go)
+    load, resistance = materialise(plant.smooth_forces(t, q, v, _loaded(step)), step.go)
     drive, resistance = plant.looped(plant.drive_forces(volts, q, v), resistance, v.at_drives())
     loops = {}
     if train is None and rope is None and (damped or any(plant.all(SpeedDrive))):
@@ -166,12 +166,16 @@ def _forces(plant: Plant, stage: Stage, step: Step, damped: Sequence[str]) -> _F
     return _Forces(load, resistance.psi, motor, winch, tension, drive, loops)
 
 
+def _loaded(step: Step) -> Scalar:
+    """1 where a load hangs from the cart, 0 for a cart alone, which carries none."""
+    return jnp.maximum(step.active.psi, step.active.l)
+
+
 def _coupled(plant: Plant, stage: Stage, step: Step, forces: _Forces) -> _Coupled:
     """What the mass matrix makes of the forces."""
     train, rope = plant.drive_train, plant.rope_end
     q, v, active = stage.q.at_load(), stage.v.at_load(), step.active
-    # A cart alone carries no load.
-    loaded = jnp.maximum(active.psi, active.l)
+    loaded = _loaded(step)
     m, bias = plant.inertia(q, v, loaded, materialise(sincos(q.psi), step.go))
     m = m._replace(
         xx=m.xx if train is None else m.xx - train.motor_mass, ll=m.ll if rope is None else m.ll - _winch_mass(plant)
@@ -186,7 +190,7 @@ def _coupled(plant: Plant, stage: Stage, step: Step, forces: _Forces) -> _Couple
     # The rope's far end moves freely where it is parted from the winch, even if that is locked.
     inv = inverse(m, active if rope is None else active._replace(l=loaded))
     hook = plant.only(DoublePendulum)
-    return _Coupled(inv, inv @ f) if hook is None else _with_hook(hook, plant.bridge, stage, inv, f)
+    return _Coupled(inv, inv @ f) if hook is None else _with_hook(hook, plant.bridge, stage, inv, f, loaded)
 
 
 def _rows(plant: Plant, stage: Stage, step: Step, forces: _Forces, coupled: _Coupled) -> tuple[Rows, _Coupled]:
@@ -266,7 +270,7 @@ def _winch_mass(plant: Plant) -> Scalar:
     return rope.motor_mass if isinstance(rope, HoistBacklash) else plant.bridge.winch_mass
 
 
-def _with_hook(hook: DoublePendulum, b: Bridge, stage: Stage, inv: Symmetric, force: Axes) -> _Coupled:
+def _with_hook(hook: DoublePendulum, b: Bridge, stage: Stage, inv: Symmetric, force: Axes, loaded: Scalar) -> _Coupled:
     """Adds the link below the hook: its angle enlarges the mass matrix, here by a Schur complement."""
     q, v = stage.q.at_load(), stage.v.at_load()
     phi, phi_rate = stage.q.phi, stage.v.phi
@@ -277,11 +281,11 @@ def _with_hook(hook: DoublePendulum, b: Bridge, stage: Stage, inv: Symmetric, fo
     # cos(psi - phi) and sin(psi - phi)
     along = cosine * cosine_phi + sine * sine_phi
     across = sine * cosine_phi - cosine * sine_phi
-    column = Axes(mass * link * cosine_phi, mass * link * q.l * along, mass * link * across)
+    column = Axes(loaded * mass * link * cosine_phi, mass * link * q.l * along, mass * link * across)
     pull = mass * link * phi_rate * phi_rate
     torque = hook.damping * (phi_rate - v.psi)
     force = Axes(
-        force.x + pull * sine_phi,
+        force.x + loaded * pull * sine_phi,
         force.psi + q.l * pull * (cosine * sine_phi - sine * cosine_phi) + torque,
         force.l + pull * along,
     )

@@ -20,6 +20,7 @@ from .bridge import Bridge, Symmetric
 from .effects.base import (
     AXIS_OF_SITE,
     DRIVE_OF_AXIS,
+    SWING,
     AbstractDamping,
     AbstractEffect,
     AbstractForce,
@@ -295,14 +296,22 @@ class Plant(eqx.Module):
         """Whether any dry friction that sticks acts on an axis (`x`, `psi` or `l`)."""
         return any(AXIS_OF_SITE[effect.site] == axis for effect in self.all(AbstractFriction))
 
-    def smooth_forces(self, t: Scalar, q: Motion, v: Motion) -> tuple[Axes, Axes]:
-        """Forces at the load's side (cart, swing, loaded rope) and resistances at the drives' side [N, N m, N]."""
+    def smooth_forces(self, t: Scalar, q: Motion, v: Motion, loaded: Scalar | float = 1.0) -> tuple[Axes, Axes]:
+        """Forces at the load's side (cart, swing, loaded rope) and resistances at the drives' side [N, N m, N].
+
+        Args:
+            t, q, v: time, and positions and velocities then.
+            loaded: see `inertia`.
+        """
         load_q, load_v = q.at_load(), v.at_load()
         total = Axes(*(jnp.zeros_like(q.x) for _ in range(3)))
         for effect in self.all(AbstractForce):
 
             def pushed(total: Axes, effect: AbstractForce = effect) -> Axes:
-                return Axes(*(a + b for a, b in zip(total, effect.force(t, load_q, load_v), strict=True)))
+                force = effect.force(t, load_q, load_v)
+                if effect.site == SWING:
+                    force = force._replace(x=loaded * force.x)
+                return Axes(*(a + b for a, b in zip(total, force, strict=True)))
 
             total = self.after(pushed, total, effect)
         drives_q, drives_v = q.at_drives(), v.at_drives()
