@@ -73,14 +73,12 @@ def table(kept: Mapping[str, Any]) -> str:
         "the load is within 1 cm of the goal, sideways and in the rope's length, for the last half second at least",
         "(the reference arrives 1.9 to 7.5 s after its start). Swing: largest angle over",
         "the last quarter of the rest. ITAE: of cart and rope, to the reference that the controller is given (for ZV",
-        "and ZVD the shaped one). Travel: of the cart's voltage, `mean |du/dt|`, and how often it changes its",
-        "sign; held-out bridges have noise as encoders of 0.1 mm and 4096 counts a turn do. Of ensembles the median,",
-        "the worst in brackets.",
-        f"Version {kept['settings']['commit']}; redrawn by `python experiments/tuning/run.py --figures`.",
+        "and ZVD the shaped one). Of ensembles the median, the worst in brackets. Redrawn by",
+        "`python experiments/tuning/run.py --figures`.",
         "",
         "| controller | rig: settled [s] | swing [deg] | larger overshoot of x and l [%] | ITAE [m s^2] |"
-        " held out: settled [s] | swing [deg] | ITAE [m s^2] | travel [V/s] | sign changes |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        " held out: settled [s] | swing [deg] | ITAE [m s^2] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, entry in kept["controllers"].items():
         rig = entry["rig"]
@@ -90,8 +88,7 @@ def table(kept: Mapping[str, Any]) -> str:
         itae = ", ".join(f"{sum(run['itae'].values()):.3g}" for run in rig)
         held = [_values(kept, name, "held_out", key) for key in ("settling_load", "residual_swing")]
         errors = _values(kept, name, "held_out", "itae_x") + _values(kept, name, "held_out", "itae_l")
-        drive = [_spread(_values(kept, name, "held_out", key)) for key in ("chatter_x", "sign_changes_x")]
-        others = " | ".join((_spread(held[0]), _spread(held[1], 180 / np.pi), _spread(errors), *drive))
+        others = " | ".join((_spread(held[0]), _spread(held[1], 180 / np.pi), _spread(errors)))
         lines.append(f"| {name} | {settled} | {swing} | {beyond} | {itae} | {others} |")
     if {"paper", "paper tuned", "extended tuned", "LQR"} <= set(kept["controllers"]):
         lines += ["", "| measure | aim | measured |", "|---|---|---|", *_aims(kept)]

@@ -1,4 +1,4 @@
-"""Controllers tuned and compared on the same bridges: the paper's rules, extended rules, PID, LQR, LQG, input shaping.
+"""Controllers tuned and compared on the same bridges: the paper's rules, extended rules, PID, LQR, input shaping.
 
     python experiments/tuning/run.py                  all of it (extra `proof`; after experiments/paper/run.py)
     python experiments/tuning/run.py --only paper     one controller
@@ -31,7 +31,10 @@ from rivals import lqr_gains, population  # noqa: E402
 
 DATA = ROOT / "figures" / "data" / "tuning.json"
 OUT = ROOT / "out" / "tuning"
-MEASURES = ("settling_load", "residual_swing", "itae_x", "itae_l", "chatter_x", "sign_changes_x")
+MEASURES = (
+    "settling_load", "residual_swing", "itae_x", "itae_l", "chatter_x", "chatter_l", "sign_changes_x",
+    "sign_changes_l",
+)  # fmt: skip
 """What is kept of every held-out bridge and move."""
 FITTED = ROOT / "out" / "paper" / "fitted" / "model.toml"
 PLANTS, HELD_OUT, STEPS, STARTS, SEED, PERIOD = 64, 200, 200, 2, 0, 0.02
@@ -41,7 +44,7 @@ judgements on the way cost one, and count as much. A gradient by differences wou
 HELD_OUT_SEED = 77
 CONTROLLERS = (
     "paper", "paper scaled", "paper scaled, compensated", "paper tuned", "extended", "extended tuned",
-    "extended CMA-ES", "PID tuned", "PID tuned, ZV", "PID tuned, ZVD", "LQR", "LQG tuned",
+    "extended CMA-ES", "PID tuned", "PID tuned, ZV", "PID tuned, ZVD", "LQR",
 )  # fmt: skip
 
 
@@ -95,17 +98,21 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
         """A controller by name, tuned if it is not yet."""
         if name in tuned:
             return tuned[name]
-        if name in ("paper", "extended"):
-            found: object = given(name, bench)
+        if name == "paper":
+            found: object = jbridge.paper_controller()
+        elif name == "extended":
+            found = jbridge.extended_controller(jbridge.compensation_for(bench.model.plant))
         elif name == "paper scaled":
-            found = knobs_by_population(name, jbridge.FuzzyKnobs(given("paper", bench), weights=False, sets=False))
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(law("paper"), weights=False, sets=False))
         elif name == "paper scaled, compensated":
-            paper = dataclasses.replace(given("paper", bench), compensation=jbridge.compensation_for(bench.model.plant))
-            found = knobs_by_population(name, jbridge.FuzzyKnobs(paper, weights=False, sets=False))
+            given = dataclasses.replace(law("paper"), compensation=jbridge.compensation_for(bench.model.plant))
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(given, weights=False, sets=False))
         elif name == "extended CMA-ES":
-            found = knobs_by_population(name, jbridge.FuzzyKnobs(given("extended", bench)))
-        elif " tuned" in name:
-            found = by_gradient(name, given(name.partition(" ")[0], bench))
+            found = knobs_by_population(name, jbridge.FuzzyKnobs(law("extended")))
+        elif name in ("paper tuned", "extended tuned"):
+            found = by_gradient(name, law(name.removesuffix(" tuned")))
+        elif name.startswith("PID tuned"):
+            found = by_gradient(name, jbridge.Pid(compensation=jbridge.compensation_for(bench.model.plant)))
         else:
             weights = lqr_gains(bench.model.plant, PERIOD)
 
@@ -122,20 +129,6 @@ def controllers(bench: Bench, wanted: set[str]) -> None:
 
     for name in filter(wanted.__contains__, CONTROLLERS):
         compare(name, law(name), bench)
-
-
-def given(name: str, bench: Bench) -> object:
-    """A law as it is before any tuning."""
-    compensation = jbridge.compensation_for(bench.model.plant)
-    if name == "paper":
-        return jbridge.paper_controller()
-    if name == "extended":
-        return jbridge.extended_controller(compensation)
-    return (
-        jbridge.Pid(compensation=compensation)
-        if name == "PID"
-        else jbridge.lqg_controller(bench.model, compensation).law
-    )
 
 
 def compare(name: str, law: object, bench: Bench) -> None:

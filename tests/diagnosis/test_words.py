@@ -47,12 +47,12 @@ def said(verdict, effects=(), explained=0.962, ratio=13.0, horizon=1.0, learned=
         (
             said("missing_physics", [FRICTION]),
             "The model lacks physics: Coulomb friction at the cart explains 96.2 % of the hold-out's error at 1 s. "
-            "What remains, 0.4 mm in the cart position in windows of 1 s, is 13 times what noise explains, and has no "
-            "name.",
+            "What remains, 0.4 mm in the cart position in windows of 1 s, is 13 times what noise explains, and is "
+            "unexplained.",
         ),
         (said("missing_physics", [FRICTION], complete=True), "What remains is noise."),
         (said("missing_physics", [FRICTION], complete=True, scatter=True), "remains is scatter between repeated runs."),
-        (said("missing_physics", [FRICTION], scatter=True), "is 13 times the scatter of repeated runs, and has no"),
+        (said("missing_physics", [FRICTION], scatter=True), "is 13 times the scatter of repeated runs, and is"),
         (said("missing_physics", [FRICTION], 0.99996), "explains 99.9 % of"),
         (
             said("missing_physics", [FRICTION], {"x": 0.98, "psi": -0.1, "l": 0.3}),
