@@ -340,7 +340,7 @@ def test_a_kalman_filter_is_that_of_python_control():
 
 
 def test_measures_agree_with_those_of_one_run():
-    """Against `control.measures`, which takes the samples themselves."""
+    """Against `control.move_metrics`, which takes the samples themselves."""
     course = Course(PLANT, scattered(PLANT, 2, 0), SHORT, 0.02)
     firm = dataclasses.replace(PID, cart_p=jnp.asarray(40.0), cart_i=jnp.asarray(0.0), hoist_i=jnp.asarray(0.0))
     long = dataclasses.replace(SHORT, seconds=12.0, speed=(0.08, 0.08))  # so slowly that nothing swings

@@ -1,1 +1,1 @@
-"""Numbers, names, tables and HTML that all reports share, and the summary in a terminal."""
+"""Numbers, names, tables and HTML that all reports share."""
