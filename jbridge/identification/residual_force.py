@@ -204,7 +204,7 @@ def _left_over(
     def at(t: Scalar, q: Axes, v: Axes, a: Axes, volts: Axes) -> tuple[Axes, Axes, Axes]:
         m, bias = plant.inertia(q, v, 1.0 if loaded else 0.0)
         needed = m @ a
-        force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v))
+        force, resistance = plant.smooth_forces(t, Motion(*q), Motion(*v), 1.0 if loaded else 0.0)
         drive = plant.drive_forces(volts._replace(l=volts.l * plant.drum_gain(q.l)), Motion(*q), Motion(*v))
         drive, resistance = plant.looped(drive, resistance, v)
         up, down = plant.friction_levels(t, q, v, plant.loads(q, v, drive))

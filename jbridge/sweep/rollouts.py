@@ -155,4 +155,7 @@ def _memory(sweep: Sweep, table: ParameterTable, base: NDArray[Any], places: dic
     for axis in sweep.design.axes:
         if axis.name in places and ".delay" in axis.name:
             longest[places[axis.name]] = axis.high
+        elif axis.name in places and axis.name.startswith("clock_scale"):
+            # By the slowest clock a delay lasts the most periods.
+            longest[places[axis.name]] = axis.low
     return periods_remembered(table.unravel(jnp.asarray(longest)), sweep.controller.period)
