@@ -257,7 +257,11 @@ class Course:
         self._noise = drawn(noise, self.count)
         self._states = plant.states
         self._substeps = substeps(jax.vmap(self.table.unravel)(jnp.asarray(rows)), period)
-        self._memory = periods_remembered(self.table.unravel(jnp.asarray(rows.max(axis=0))), period)
+        # The longest delays, by the slowest clock.
+        longest = rows.max(axis=0)
+        slow = [p for p in range(rows.shape[1]) if self.table.entry(p).name.startswith("clock_scale")]
+        longest[slow] = rows[:, slow].min(axis=0)
+        self._memory = periods_remembered(self.table.unravel(jnp.asarray(longest)), period)
         self.moves = self._moves()
 
     def _moves(self) -> Moves:

@@ -114,13 +114,16 @@ def select(
             stopped = "budget"
         if better:
             best = preferred(problem, better)
-            itself = from_larger(problem, now, best)
+            try:
+                itself = from_larger(problem, now, best)
+            except KeyboardInterrupt:
+                stopped, itself = "interrupted", now
             if itself.value < now.value and not accepts(problem, itself, best):
                 best = itself
             runners_up |= _next_to(problem.setting, now, best, better)
             held.append(best)
             seen.add(frozenset(best.free))
-        if not better or stopped == "budget":
+        if not better or stopped != "criterion":
             break
         forget_if_large()
     problem = dataclasses.replace(problem, until=math.inf)
